@@ -28,7 +28,7 @@ import numpy.typing as npt
 
 from rover_iface.cameras.model import CameraModel, ModelKind
 from rover_iface.frames import Transform
-from rover_iface.vision.gallery import MOST_TURN_RAD
+from rover_iface.vision.correlation.gallery import MOST_TURN_RAD
 from rover_iface.vision.template import NccOptions, Template, TemplateMatcher
 from studies.common.pages import table, write_section
 

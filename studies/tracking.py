@@ -26,7 +26,7 @@ import numpy.typing as npt
 from rover_iface.cameras.labels import read_product
 from rover_iface.cameras.rig import load_cameras
 from rover_iface.cameras.stereo import triangulate
-from rover_iface.vision.ncc import NccTracker
+from rover_iface.vision.correlation.ncc import NccTracker
 from rover_iface.vision.template import NccOptions, Template, TemplateMatcher, template_roll
 from studies.common.tracking_report import PUBLISHED_1, PUBLISHED_2, write_report
 from studies.common.tracking_worlds import (

@@ -14,7 +14,7 @@ from rover_iface.frames import Pose, Transform, wrap_angle
 from rover_iface.simulator.render.picture import Frame
 from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.terrain.terrain import Terrain
-from rover_iface.vision.ncc import NccTracker
+from rover_iface.vision.correlation.ncc import NccTracker
 from rover_iface.vision.template import NccOptions
 from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
 

@@ -54,6 +54,13 @@ class StereoView:
             if image.dtype != np.float32:
                 raise TrackerError(f"{name} image is {image.dtype}; float32 in 0..1 is needed")
 
+    def shows(self, at: Array, margin_px: float) -> bool:
+        """Return whether a pixel (2,) lies so far inside the left image; one that is not finite does not."""
+        height, width = self.left.shape
+        return bool(
+            margin_px <= at[0] <= width - 1 - margin_px and margin_px <= at[1] <= height - 1 - margin_px
+        )
+
 
 @dataclass(frozen=True)
 class TrackUpdate:

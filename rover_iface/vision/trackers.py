@@ -62,7 +62,7 @@ def make_tracker(name: str, aids: TrackerAids | None = None) -> Tracker:
 
 def correlation(aids: TrackerAids) -> Tracker:
     """Return the correlation tracker on subframes, as flown on Opportunity."""
-    from rover_iface.vision.ncc import NccTracker
+    from rover_iface.vision.correlation.ncc import NccTracker
     from rover_iface.vision.template import NccOptions
 
     # three sigma of the way: beyond it a range is not a range of the target
@@ -80,7 +80,7 @@ def narrow_correlation(aids: TrackerAids) -> Tracker:
 
 def flow(aids: TrackerAids) -> Tracker:
     """Return the tracker by optical flow, checked there and back."""
-    from rover_iface.vision.klt import KltTracker
+    from rover_iface.vision.correlation.klt import KltTracker
     from rover_iface.vision.template import NccOptions
 
     return KltTracker(NccOptions(odometry_share=max(0.15, 3 * aids.odometry_error)))

@@ -19,7 +19,7 @@ from rover_iface.simulator.render.scene import Scene
 from rover_iface.terrain.generate import generate_terrain
 from rover_iface.terrain.rocks import Rock
 from rover_iface.terrain.terrain import Terrain
-from rover_iface.vision.ncc import NccTracker
+from rover_iface.vision.correlation.ncc import NccTracker
 from rover_iface.vision.template import NccOptions
 from rover_iface.vision.tracker import StereoView, TrackState
 

@@ -25,6 +25,8 @@ import numpy.typing as npt
 from rover_iface.cameras.model import Array
 from rover_iface.errors import CameraError, RenderError, TrackerError
 from rover_iface.frames import Transform
+from rover_iface.vision.correlation.judging import ASTRAY, TAILS
+from rover_iface.vision.correlation.ncc import NccTracker
 from rover_iface.vision.coverage_watch import INSIDE
 from rover_iface.vision.drape import DrapeOptions
 from rover_iface.vision.handoff import Handoff, Side
@@ -32,7 +34,6 @@ from rover_iface.vision.handoff_cascade import Answer, CascadeOptions, cascade
 from rover_iface.vision.narrow.designation import off_the_edge
 from rover_iface.vision.narrow.references import Kept, References
 from rover_iface.vision.narrow_range import PairFor
-from rover_iface.vision.ncc import ASTRAY, TAILS, NccTracker
 from rover_iface.vision.template import NccOptions, TemplateMatcher
 from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
 

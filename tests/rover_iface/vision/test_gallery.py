@@ -9,8 +9,9 @@ import pytest
 
 from rover_iface.cameras.model import CameraModel, pinhole
 from rover_iface.frames import Transform
-from rover_iface.vision.gallery import MOST_VIEWS, Gallery
-from rover_iface.vision.ncc import NccTracker, _Target
+from rover_iface.vision.correlation.gallery import MOST_VIEWS, Gallery
+from rover_iface.vision.correlation.judging import Followed
+from rover_iface.vision.correlation.ncc import NccTracker
 from rover_iface.vision.template import Found, NccOptions, Template, TemplateMatcher
 from rover_iface.vision.tracker import Image, StereoView, TrackState, TrackUpdate
 
@@ -100,7 +101,7 @@ def test_a_picture_is_one_check_however_many_views_it_is_compared_with() -> None
     for bearing in (0.3, 0.6):
         gallery.add(seen(6.0, bearing, 0.01), 10.0 * bearing)
     nothing = TrackUpdate("T", TrackState.TRACKED, SPOT, np.eye(3), 1.0, np.zeros(2))
-    track = _Target(first, last, gallery, nothing, SPOT, 8.0, 0.0, 0.0, 0.0, normal_weight=1.0)
+    track = Followed(first, last, gallery, nothing, SPOT, 8.0, 0.0, 0.0, 0.0, normal_weight=1.0)
     for stop in range(1, 3):
         eye = camera(5.0, 0.15 * stop)
         view = StereoView(BLANK, BLANK, eye, eye)

@@ -13,10 +13,10 @@ from rover_iface.behaviour.target import DesignatedTarget
 from rover_iface.cameras.model import Array
 from rover_iface.errors import CameraError, TrackerError
 from rover_iface.frames import Transform
+from rover_iface.vision.correlation.ncc import NccTracker
 from rover_iface.vision.narrow import recall
 from rover_iface.vision.narrow.designation import off_the_edge
 from rover_iface.vision.narrow.recall import LOST_UPDATES, REFUSED, NarrowRecall
-from rover_iface.vision.ncc import NccTracker
 from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
 from tests.rover_iface.vision.test_narrow_range import DRIFT, face, frames, view
 

@@ -18,7 +18,7 @@ from rover_iface.errors import TrackerError
 from rover_iface.frames import Pose, Transform
 from rover_iface.simulator.render.picture import Frame
 from rover_iface.simulator.render.renderer import Sun
-from rover_iface.vision.ncc import NccTracker
+from rover_iface.vision.correlation.ncc import NccTracker
 from rover_iface.vision.template import NccOptions, TemplateMatcher, template_roll, template_scale
 from rover_iface.vision.tracker import StereoView, Tracker, TrackState
 from tests.rover_iface.render.scenes import LOOK, SUN, picture

@@ -15,7 +15,8 @@ import numpy.typing as npt
 
 from rover_iface.cameras.model import Array
 from rover_iface.errors import TrackerError
-from rover_iface.vision.ncc import Drift, NccTracker, _Judgement, _Target, _within
+from rover_iface.vision.correlation.judging import Followed, Judgement
+from rover_iface.vision.correlation.ncc import Drift, NccTracker
 from rover_iface.vision.template import NccOptions, grown_drift, template_scale
 from rover_iface.vision.tracker import Image, StereoView
 
@@ -82,7 +83,7 @@ class KltTracker(NccTracker):
     looks_twice = False
 
     def _match(
-        self, track: _Target, view: StereoView, judged: _Judgement, *, by_ranges: bool = False
+        self, track: Followed, view: StereoView, judged: Judgement, *, by_ranges: bool = False
     ) -> tuple[Array, Drift] | None:
         """Return the target's pixel by the flow round it, and what it has drifted."""
         del by_ranges
@@ -90,7 +91,7 @@ class KltTracker(NccTracker):
 
         flow, last, camera = self.flow, track.last, view.left_camera
         prediction = camera.project(last.point)
-        if not np.isfinite(prediction).all() or not _within(prediction, view.left.shape, flow.window_px):
+        if not np.isfinite(prediction).all() or not view.shows(prediction, flow.window_px):
             judged.limit(-1.0, "target is outside the image")
             return None
         scale = template_scale(last.range_m, float(np.linalg.norm(last.point - camera.C)))

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -22,13 +22,13 @@ import numpy.typing as npt
 from rover_iface.cameras.model import Array, CameraModel
 from rover_iface.cameras.stereo import PointMatch, point_stereo
 from rover_iface.errors import TrackerError
+from rover_iface.vision.correlation.gallery import Gallery
+from rover_iface.vision.correlation.judging import Followed, Judgement, MatchJudge, depth_m2, pointing
 from rover_iface.vision.coverage_watch import CoverageWatch
 from rover_iface.vision.first_view import measured_drift, require_range
-from rover_iface.vision.gallery import Gallery
 from rover_iface.vision.narrow_range import KnownRange
 from rover_iface.vision.seen_relief import SeenRelief
 from rover_iface.vision.template import (
-    AS_GOOD,
     UNKNOWN_SHARE,
     WEIGHT_SHARE,
     Found,
@@ -46,19 +46,8 @@ Drift = tuple[Array, Array]
 NOWHERE = np.full(2, np.nan)
 FOUND_AGAIN = 0.75
 """Most confidence in a target at the stop at which it is found again."""
-ROUGHEST = 3.0
-"""Range errors up to which the parts of a match may disagree and still widen its tolerance. By hand: parts on
-one face agree within its slant, and half a template across an edge is not a place to trust."""
 KEYS = 3
 """Earlier views that are tried at a stop, the best first."""
-ASTRAY = 16.27
-"""Squared distance, in deviations, of a match from where its target was expected, over which it is another
-spot: 99.9 % of chi square with three degrees of freedom."""
-NEAR_PX = 12
-"""How near to where it is expected a target lies: two deviations of what the mast and dead reckoning err
-over a step (3 % of 0.8 m and 0.3 degrees of heading at 8 m)."""
-SAME_PX = 4.0
-"""Matches nearer to each other than this are of one place: what the search keeps peaks apart by."""
 LOST, BELIEVED_M = 0.49, 0.05
 """Most confidence in a lost target, and how near to where it is believed it should lie, across the line of
 sight: its confidence is the chance of that, times the most. Kim et al. 2009 count 3 cm as right."""
@@ -69,57 +58,6 @@ KNOWN_SHARE, KNOWN_SCORE = 0.03, 0.5
 """Where another look tells the range: share of it that stereo looks round it (5 cm at 1.6 m), and the score
 that is enough there, as no other range can be mistaken for it: one that 139 patches had to 0.8 cm was lost at
 its goal for its score (749793022)."""
-TAILS = 2.0
-"""Times its usual error that a place may be expected beside: a rover that climbs slips by a third of its
-way."""
-
-
-@dataclass(slots=True)
-class _Target:
-    first: Template
-    last: Template
-    gallery: Gallery
-    update: TrackUpdate
-    start_point: Array
-    start_range_m: float
-    start_depth_m2: float
-    start_travel_m: float
-    travelled_m: float
-    normal_weight: float
-    misses: int = 0
-    watched: StereoView | None = None  # the last view whose errors were checked
-    put: bool = False  # another look has told since where it is, better than the first view does
-    expected: tuple[Array, Array] | None = None  # where the next look should have it, and its covariance
-
-    @property
-    def believed(self) -> Array:
-        """Where the target is believed to be (3,): once it is lost, as the rover was told."""
-        return self.expected[0] if self.misses and self.expected is not None else self.last.point
-
-
-@dataclass(slots=True)
-class _Judgement:
-    """What speaks for and against a match: figures, margins to the limits, the limits that were passed.
-
-    `alike` is the margin by which its texture is that of the target.
-    """
-
-    scores: dict[str, float] = field(default_factory=dict)
-    margins: list[float] = field(default_factory=list)
-    reasons: list[str] = field(default_factory=list)
-    alike: float = 0.0
-
-    def limit(self, margin: float, reason: str) -> None:
-        """Take a margin, 1 at perfect; below 0 the match is not believed for the reason given."""
-        self.margins.append(margin)
-        if margin < 0.0:
-            self.reasons.append(reason)
-
-    @property
-    def confidence(self) -> float:
-        """Return the least margin through a logistic curve: 0.5 at a limit."""
-        least = max(-2.0, min(1.0, *self.margins, 1.0))
-        return 1.0 / (1.0 + math.exp(-6.0 * least))
 
 
 class NccTracker:
@@ -138,9 +76,9 @@ class NccTracker:
     def __init__(self, options: NccOptions | None = None) -> None:
         self.options = options or NccOptions()
         self.matcher = TemplateMatcher(self.options)
-        self.near = TemplateMatcher(replace(self.options, search_px=min(NEAR_PX, self.options.search_px)))
+        self.judge = MatchJudge(self.options, self.matcher)
         self.watch = CoverageWatch()
-        self._targets: dict[str, _Target] = {}
+        self._targets: dict[str, Followed] = {}
 
     @property
     def targets(self) -> tuple[str, ...]:
@@ -172,7 +110,7 @@ class NccTracker:
         if not np.isfinite(at).all():
             raise TrackerError(f'target "{target}" lies behind the camera')
         half = self.options.template_px // 2
-        if not _within(at, view.left.shape, half + 2):
+        if not view.shows(at, half + 2):
             raise TrackerError(
                 f'target "{target}" is at pixel ({at[0]:.1f}, {at[1]:.1f}), not {half + 2} px inside'
             )
@@ -197,15 +135,15 @@ class NccTracker:
             match.point,
             match.normal,
             distance,
-            depth_m2=_depth_m2(match) + self._bulge_m2(view, distance),
+            depth_m2=depth_m2(match) + self._bulge_m2(view, distance),
             relief=SeenRelief(view, distance),
         )
-        judged = _Judgement(margins=[(match.score - self.options.stereo_limit) / 0.3])
+        judged = Judgement(margins=[(match.score - self.options.stereo_limit) / 0.3])
         update = TrackUpdate(
             target=target,
             state=TrackState.TRACKED,
             position=match.point,
-            covariance=match.surface_covariance + self._pointing(view, match),
+            covariance=match.surface_covariance + pointing(self.options, view, match),
             confidence=judged.confidence,
             pixel=at,
             scores={
@@ -217,14 +155,14 @@ class NccTracker:
                 "template_px": float(self.options.template_px),
             },
         )
-        self._targets[target] = _Target(
+        self._targets[target] = Followed(
             view_template,
             view_template,
             Gallery(view_template, view.travelled_m),
             update,
             match.point,
             distance,
-            _depth_m2(match),
+            depth_m2(match),
             view.travelled_m,
             view.travelled_m,
             normal_weight=distance**-4,
@@ -267,7 +205,7 @@ class NccTracker:
             match = self._stereo(view, pixel, away_m, spread=KNOWN_SHARE)
         if match is None or match.score < limit:
             return False
-        judged = _Judgement(scores={"range_m": float(np.linalg.norm(match.point - view.left_camera.C))})
+        judged = Judgement(scores={"range_m": float(np.linalg.norm(match.point - view.left_camera.C))})
         track.update = self._accept(target, track, view, pixel, match, drift, judged)
         track.put = True
         return True
@@ -285,7 +223,7 @@ class NccTracker:
         return self._unseen(track, view, tuple(judged.reasons), judged.scores)
 
     def _unseen(
-        self, track: _Target, view: StereoView, reasons: tuple[str, ...], scores: Mapping[str, float]
+        self, track: Followed, view: StereoView, reasons: tuple[str, ...], scores: Mapping[str, float]
     ) -> TrackUpdate:
         """Return the answer about a target that is not found: where it is believed, ever less surely."""
         moved = max(0.0, view.travelled_m - track.travelled_m)
@@ -310,7 +248,7 @@ class NccTracker:
         track.travelled_m = view.travelled_m
         return track.update
 
-    def _ranges_alike(self, track: _Target, view: StereoView, along_m2: float) -> float:
+    def _ranges_alike(self, track: Followed, view: StereoView, along_m2: float) -> float:
         """Return how well what stereo ranges at a lost target's place agrees with its range: 1 it does.
 
         A pair ranges a face in any light; where the rover has turned farther than it knows, something else
@@ -319,7 +257,7 @@ class NccTracker:
         camera = view.left_camera
         at, away = camera.project(track.believed), float(np.linalg.norm(track.believed - camera.C))
         half = self.options.template_px // 2 + 2
-        if not (np.isfinite(at).all() and _within(at, view.left.shape, half)):
+        if not (np.isfinite(at).all() and view.shows(at, half)):
             return LEAST_ALIKE
         if not (np.isfinite(view.left).all() and np.isfinite(view.right).all()):
             return LEAST_ALIKE
@@ -327,12 +265,12 @@ class NccTracker:
         if match is None or match.score < self.options.stereo_limit:
             return LEAST_ALIKE
         off = float(np.linalg.norm(match.point - camera.C)) - away
-        variance = along_m2 + _depth_m2(match) + (self._range_error(view, away) / 3.0) ** 2
+        variance = along_m2 + depth_m2(match) + (self.judge.range_error(view, away) / 3.0) ** 2
         return max(LEAST_ALIKE, math.exp(-0.5 * off**2 / variance))
 
     # ---- one update
 
-    def _find(self, target: str, track: _Target, view: StereoView) -> TrackUpdate | _Judgement:
+    def _find(self, target: str, track: Followed, view: StereoView) -> TrackUpdate | Judgement:
         """Return the target's new place, or why no match is believed.
 
         Where the plane of its face leads nowhere, its last view is looked at through its ranges.
@@ -344,9 +282,9 @@ class NccTracker:
         return second if isinstance(second, TrackUpdate) else first
 
     def _try(
-        self, target: str, track: _Target, view: StereoView, *, by_ranges: bool
-    ) -> TrackUpdate | _Judgement:
-        judged = _Judgement()
+        self, target: str, track: Followed, view: StereoView, *, by_ranges: bool
+    ) -> TrackUpdate | Judgement:
+        judged = Judgement()
         found = self._match(track, view, judged, by_ranges=by_ranges)
         if found is None:
             return judged
@@ -356,11 +294,11 @@ class NccTracker:
         if match is None:
             judged.limit(-1.0, "stereo finds no partner")
             return judged
-        self._judge_position(track, view, match, distance, judged)
+        self.judge.position(track, view, match, distance, judged)
         if self.options.surroundings_px:
-            self._judge_surroundings(track, view, match, judged)
-            self._judge_identity(track, view, match, judged)
-            self._judge_where_expected(track, view, match, judged)
+            self.judge.surroundings(track, view, match, judged)
+            self.judge.identity(track, view, match, judged)
+            self.judge.where_expected(track, view, match, judged)
         if judged.reasons:
             return judged
         at, match, drift = self._against_first(track, view, at, match, drift, judged)
@@ -368,22 +306,23 @@ class NccTracker:
 
     def _against_first(
         self,
-        track: _Target,
+        track: Followed,
         view: StereoView,
         at: Array,
         match: PointMatch,
         drift: Drift,
-        judged: _Judgement,
+        judged: Judgement,
     ) -> tuple[Array, PointMatch, Drift]:
         """Return the match corrected by what the first view tells of its drift, and what drift is left."""
         if not self.options.key_template or track.last is track.first or track.put:
             return at, match, drift
         camera, away = view.left_camera, judged.scores["range_m"]
-        depth_m2 = _depth_m2(match) + self._bulge_m2(view, track.first.range_m)
-        ranged_m2 = _depth_m2(match) + self._bulge_m2(view, away)
+        spread_m2 = depth_m2(match)
+        first_m2 = spread_m2 + self._bulge_m2(view, track.first.range_m)
+        ranged_m2 = spread_m2 + self._bulge_m2(view, away)
         relief = SeenRelief(view, away)
         now = Template(
-            view.left, camera, at, match.point, match.normal, away, *drift, depth_m2, ranged_m2, relief
+            view.left, camera, at, match.point, match.normal, away, *drift, first_m2, ranged_m2, relief
         )
         found = measured_drift(self.matcher, track.first, now)
         if found is None:
@@ -398,7 +337,7 @@ class NccTracker:
         return moved, again, (found.drift, found.parallax)
 
     def _match(
-        self, track: _Target, view: StereoView, judged: _Judgement, *, by_ranges: bool = False
+        self, track: Followed, view: StereoView, judged: Judgement, *, by_ranges: bool = False
     ) -> tuple[Array, Drift] | None:
         """Return the pixel of the best match and what it has drifted; None when there is no match.
 
@@ -412,7 +351,7 @@ class NccTracker:
         if not np.isfinite(prediction).all():
             judged.limit(-1.0, "target is behind the camera")
             return None
-        if not _within(prediction, view.left.shape, options.template_px // 2):
+        if not view.shows(prediction, options.template_px // 2):
             judged.limit(-1.0, "target is outside the image")
             return None
         distance = float(np.linalg.norm(believed - camera.C))
@@ -464,146 +403,15 @@ class NccTracker:
         core = out[half - inner : half + inner + 1, half - inner : half + inner + 1]
         return None if np.isnan(core).mean() > UNKNOWN_SHARE else out
 
-    def _judge_surroundings(
-        self, track: _Target, view: StereoView, match: PointMatch, judged: _Judgement
-    ) -> None:
-        """Hold what lies round the match against what lay round the target: the neighbours tell stones apart.
-
-        A target that was lost must agree with both templates that are left of it.
-        """
-        sources = [track.last]
-        if track.misses:
-            best = track.gallery.best(view.left_camera, match.point, match.normal)
-            sources += [kept.template for kept in best if kept.template is not track.last][:1]
-        seen = [self.matcher.surroundings(source, view, match.left_px, match.point) for source in sources]
-        known = [score for score in seen if score is not None]
-        if not known:
-            if track.misses:
-                judged.limit(-1.0, "its surroundings are out of the picture: no telling which stone it is")
-            return
-        score = judged.scores["surroundings"] = min(known)
-        limit = self.options.surroundings_limit
-        judged.limit((score - limit) / (1.0 - limit), f"its surroundings agree by {score:.2f}, below {limit}")
-
-    def _judge_where_expected(
-        self, track: _Target, view: StereoView, match: PointMatch, judged: _Judgement
-    ) -> None:
-        """Ask whether the place where a target is expected looks more like it than a match farther off.
-
-        In another light a target may correlate just below the limit at its own place, and the best match of
-        a wide search then lies on another spot of the rock.
-        """
-        camera, last = view.left_camera, track.last
-        prediction = camera.project(track.believed)
-        if float(np.hypot(*(match.left_px - prediction))) <= self.near.options.search_px:
-            return
-        template = self.near.predict(last, camera, prediction, track.believed)
-        found = None if template is None else self.near.search(view.left, template, prediction)
-        if found is None or float(np.hypot(*(found.pixel - match.left_px))) < SAME_PX:
-            return
-        eye, ray = camera.back_project(found.pixel)
-        place = eye + float(np.linalg.norm(track.believed - camera.C)) * ray
-        round_it = self.matcher.surroundings(last, view, found.pixel, np.asarray(place))
-        if round_it is None or not {"ncc", "surroundings"} <= judged.scores.keys():
-            return
-        there, here = found.score + round_it, judged.scores["ncc"] + judged.scores["surroundings"]
-        judged.scores["where_expected"] = there
-        judged.limit(
-            here - there - 2.0 * AS_GOOD,
-            f"where it is expected correlation and surroundings are {there:.2f} in all, here {here:.2f}",
-        )
-
-    def _judge_identity(
-        self, track: _Target, view: StereoView, match: PointMatch, judged: _Judgement
-    ) -> None:
-        """Hold texture, surroundings, range and place together: another stone may pass each by a hair."""
-        options, scores = self.options, judged.scores
-        near = 1.0 - abs(scores["range_correction_m"]) / scores["range_tolerance_m"]
-        # three deviations off is where the margin ends; a rover may be turned farther than it knows
-        off_px = float(np.hypot(*(match.left_px - view.left_camera.project(track.believed))))
-        aside = max(-1.0, 1.0 - off_px / (1.5 * NEAR_PX))
-        limit = options.surroundings_limit
-        round_it = (scores.get("surroundings", limit) - limit) / (1.0 - limit)
-        identity = scores["identity"] = (near + aside + judged.alike + round_it) / 4.0
-        judged.limit(
-            (identity - options.identity_limit) / (1.0 - options.identity_limit),
-            f"texture, surroundings, range and place give {identity:.2f}, below {options.identity_limit}",
-        )
-
-    def _judge_position(
-        self, track: _Target, view: StereoView, match: PointMatch, distance: float, judged: _Judgement
-    ) -> None:
-        """Hold stereo score, range and position against their limits (second to fourth criterion)."""
-        options, scores = self.options, judged.scores
-        scores["stereo"] = match.score
-        judged.limit(
-            (match.score - options.stereo_limit) / (1.0 - options.stereo_limit),
-            f"stereo score {match.score:.2f} is below {options.stereo_limit}",
-        )
-        measured = float(np.linalg.norm(match.point - view.left_camera.C))
-        moved = abs(view.travelled_m - track.travelled_m) or abs(track.last.range_m - distance)
-        tolerance = (
-            math.hypot(
-                self._range_error(view, track.last.range_m),
-                self._range_error(view, distance),
-                self._roughness(view, distance, track.last.depth_m2 + _depth_m2(match)),
-            )
-            + options.odometry_share * moved
-            + 0.01
-        )
-        correction = measured - distance
-        scores["range_m"] = measured
-        scores["range_correction_m"] = correction
-        scores["range_tolerance_m"] = tolerance
-        judged.limit(
-            1.0 - abs(correction) / tolerance,
-            f"range corrected by {correction:+.2f} m, over {tolerance:.2f} m",
-        )
-        total = float(np.linalg.norm(match.point - track.start_point))
-        allowed = (
-            math.hypot(
-                self._range_error(view, track.start_range_m),
-                self._roughness(view, track.start_range_m, track.start_depth_m2 + _depth_m2(match)),
-            )
-            + options.odometry_share * abs(view.travelled_m - track.start_travel_m)
-            + 0.05
-        )
-        self._judge_expected(track, view, match, judged)
-        scores["total_correction_m"] = total
-        scores["total_tolerance_m"] = allowed
-        judged.limit(
-            1.0 - total / allowed, f"position corrected by {total:.2f} m in all, over {allowed:.2f} m"
-        )
-
-    def _judge_expected(
-        self, track: _Target, view: StereoView, match: PointMatch, judged: _Judgement
-    ) -> None:
-        """Judge a match by where the drive and the other targets have this one, if that was told."""
-        if track.expected is None:
-            return
-        expected, covariance = track.expected
-        ray = match.point - view.left_camera.C
-        away = float(np.linalg.norm(ray))
-        sigma_m = self._range_error(view, away) / 3.0
-        ranged = match.surface_covariance + (sigma_m / away) ** 2 * np.outer(ray, ray)
-        gap = match.point - expected
-        total = TAILS**2 * covariance + ranged + self._pointing(view, match)
-        squared = float(gap @ np.linalg.solve(total, gap))
-        judged.scores["expected_squared"] = squared
-        judged.limit(
-            1.0 - squared / ASTRAY,
-            f"{float(np.linalg.norm(gap)):.2f} m from where the drive and the other targets have it",
-        )
-
     def _accept(
         self,
         target: str,
-        track: _Target,
+        track: Followed,
         view: StereoView,
         at: Array,
         match: PointMatch,
         drift: Drift,
-        judged: _Judgement,
+        judged: Judgement,
     ) -> TrackUpdate:
         """Replace the template by what is seen now, and return the answer."""
         camera, measured = view.left_camera, judged.scores["range_m"]
@@ -611,9 +419,9 @@ class NccTracker:
         found_again, track.misses = track.misses > 0, 0
         track.travelled_m = view.travelled_m
         relief = SeenRelief(view, measured)
-        depth_m2 = _depth_m2(match) + self._bulge_m2(view, measured)
+        deep_m2 = depth_m2(match) + self._bulge_m2(view, measured)
         track.last = Template(
-            view.left, camera, at, match.point, normal, measured, *drift, depth_m2, depth_m2, relief
+            view.left, camera, at, match.point, normal, measured, *drift, deep_m2, deep_m2, relief
         )
         track.gallery.add(track.last, view.travelled_m)
         return TrackUpdate(
@@ -621,14 +429,18 @@ class NccTracker:
             state=TrackState.TRACKED,
             position=match.point,
             covariance=self.watch.factor
-            * (match.surface_covariance + self._astray(view, track.last) + self._pointing(view, match)),
+            * (
+                match.surface_covariance
+                + self._astray(view, track.last)
+                + pointing(self.options, view, match)
+            ),
             confidence=min(judged.confidence, FOUND_AGAIN) if found_again else judged.confidence,
             pixel=at,
             scores=judged.scores | {"watched": self.watch.coverage, "widened": self.watch.factor},
         )
 
     def _with_key(
-        self, track: _Target, view: StereoView, prediction: Array, found: Found
+        self, track: Followed, view: StereoView, prediction: Array, found: Found
     ) -> tuple[Array, float, Drift] | None:
         """Return the match of an earlier view beside `found`, its score and drift; None if none is better.
 
@@ -654,14 +466,14 @@ class NccTracker:
                 return spot, fitted[0], drift
         return None
 
-    def _watch(self, track: _Target, view: StereoView, squared: float) -> None:
+    def _watch(self, track: Followed, view: StereoView, squared: float) -> None:
         """Take the first check of a picture: all others of the same match share its error."""
         if track.watched is not view:
             track.watched = view
             self.watch.see(squared, 2)
 
     def _watch_gap(
-        self, track: _Target, view: StereoView, gap: Array, told: tuple[Drift, Drift], key: Template
+        self, track: Followed, view: StereoView, gap: Array, told: tuple[Drift, Drift], key: Template
     ) -> None:
         """Hold the gap (2,), px, between two matches of one picture against what both are told to be off."""
         # the last template comes from the key one: what that had drifted is common to both
@@ -693,13 +505,6 @@ class NccTracker:
         deep_m2 = float(ray @ now.uncertainty @ ray) + by_relief_m2
         return np.asarray(aside + deep_m2 * along)
 
-    def _pointing(self, view: StereoView, match: PointMatch) -> Array:
-        """Return the covariance (3, 3), m^2, of a place across the line of sight that no pixel tells."""
-        ray = match.point - view.left_camera.C
-        away = float(np.linalg.norm(ray))
-        across = np.eye(3) - np.outer(ray, ray) / away**2
-        return np.asarray((self.options.least_px * away / view.left_camera.hs) ** 2 * across)
-
     def _stereo(
         self, view: StereoView, at: Array, distance: float | None, *, spread: float
     ) -> PointMatch | None:
@@ -714,19 +519,7 @@ class NccTracker:
             range_spread=spread,
         )
 
-    def _range_error(self, view: StereoView, range_m: float) -> float:
-        """Return the 3-sigma range error. Kim et al. 2009, eq. 1."""
-        baseline = float(np.linalg.norm(view.right_camera.C - view.left_camera.C))
-        return range_m**2 / (view.left_camera.hs * baseline) * self.options.disparity_error_px
-
-    def _roughness(self, view: StereoView, range_m: float, depth_m2: float) -> float:
-        """Return the 3-sigma error of a depth that its parts disagree by, within what they may.
-
-        A match so noisy that it widened its own tolerance without end would confirm any range.
-        """
-        return min(3.0 * math.sqrt(depth_m2), ROUGHEST * self._range_error(view, range_m))
-
-    def _blend_normal(self, track: _Target, match: PointMatch, range_m: float) -> Array:
+    def _blend_normal(self, track: Followed, match: PointMatch, range_m: float) -> Array:
         """Return the plane's normal: stereo slant is good to the fourth power of nearness, so weigh by it."""
         weight = range_m**-4
         total = track.normal_weight + weight
@@ -735,7 +528,7 @@ class NccTracker:
         length = float(np.linalg.norm(normal))
         return match.normal if length < 0.2 else np.asarray(normal / length)
 
-    def _get(self, target: str) -> _Target:
+    def _get(self, target: str) -> Followed:
         if target not in self._targets:
             known = ", ".join(self._targets) or "none"
             raise TrackerError(f'target "{target}" is not followed; followed: {known}')
@@ -749,15 +542,6 @@ def _ranged(view: StereoView, at: Array, match: PointMatch, known: KnownRange) -
     return replace(match, point=eye + known.range_m * ray, surface_covariance=covariance)
 
 
-def _within(at: Array, shape: tuple[int, ...], margin: float) -> bool:
-    return bool(margin <= at[0] <= shape[1] - 1 - margin and margin <= at[1] <= shape[0] - 1 - margin)
-
-
 def _total(drift: Drift) -> float:
     """Return the whole variance of a drift, m^2."""
     return float(np.trace(drift[0] + drift[1] @ drift[1].T))
-
-
-def _depth_m2(match: PointMatch) -> float:
-    """Return the variance of a point's depth against its surroundings: what its parts disagree by."""
-    return float(np.trace(match.surface_covariance))
