@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
 
+from planner.contingency.order_in_futures import every_change
 from planner.contingency.seeding import route_plan
 from planner.contingency.why_not.limits import OF_ENERGY, OF_TIME, WINDOW, widened
-from planner.contingency.why_not.order_run import BOTH, ENERGY, TIME
+from planner.contingency.why_not.order_changes import changes_of
+from planner.contingency.why_not.order_lanes import BOTH, ENERGY, TIME
 from planner.contingency.why_not.order_value import OrderValues
 from planner.contingency.why_not.orders_by_budget import OrdersByBudget
 from planner.contingency.why_not.question import Question
@@ -66,6 +69,28 @@ def test_one_run_is_worth_at_each_budget_what_a_run_with_that_budget_is(family: 
                 np.zeros(0, np.int64), np.zeros((0, 0), np.bool_), Passages.empty(0, 0), Standing.at_start(),
             )  # fmt: skip
             assert curve[row, at] == pytest.approx(outcome.utility.mean(), rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.parametrize("asked", [0, 5])
+@pytest.mark.parametrize("order", [(), (0,), (3, 0), (4, 0, 2), (1, 2, 0, 4), (0, 1, 2, 3, 4, 6)])
+def test_each_change_of_an_order_is_listed_once_and_none_changes_sides(
+    order: tuple[int, ...], asked: int
+) -> None:
+    useful = np.array([1, 1, 1, 1, 1, 1, 1, 0], np.bool_)
+    model = dataclasses.replace(Model.of(generated("plain", 1)), m=8, utility=useful.astype(float))
+    size = len(order)
+    wanted = [*every_change(model, order)]
+    for k, m in itertools.product(range(size), range(8)):
+        if useful[m] and m not in order:
+            wanted.append((*order[:k], m, *order[k + 1 :]))
+    wanted += [
+        (*order[:i], *order[i:k][::-1], *order[k:]) for i in range(size) for k in range(i + 3, size + 1)
+    ]
+    wanted = [new for new in wanted if new != order and (asked in new) is (asked in order)]
+    table, sizes = changes_of(np.array(order, np.int64), useful, asked)
+    found = [tuple(row[:length]) for row, length in zip(table.tolist(), sizes.tolist(), strict=True)]
+    assert found == list(dict.fromkeys(wanted))
+    assert not any(any(row[length:]) for row, length in zip(table, sizes, strict=True))
 
 
 def test_tabled_futures_lose_tracks_in_their_share_and_amounts_keep_mean_and_spread() -> None:
@@ -170,7 +195,7 @@ def test_a_question_is_answered_alike_twice(seed: int) -> None:
 def test_the_forced_plan_is_found_past_short_orders_that_no_one_change_betters() -> None:
     """Best is (7, 3, 4, 6, 2); a search from the best order begun with each observation ends at (7, 2)."""
     rng = np.random.default_rng(67202787)
-    for _ in range(3):  # the third of the days that `studies.planner_why_not` draws from it
+    for _ in range(3):  # the third of the days that it was found on
         problem, share = day(rng, least=8, most=8), float(rng.uniform(0.4, 0.8))
     problem = _tight(problem, share)
     model = Model.of(problem)

@@ -15,24 +15,19 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.contingency.order_in_futures import Order, every_change
-from planner.contingency.why_not.order_run import (
-    BOTH,
-    ENERGY,
-    TIME,
-    Scale,
-    carry_out,
-    ways_of,
-    work_out_drives,
-)
+from planner.contingency.order_in_futures import Order
+from planner.contingency.why_not.order_changes import changes_of
+from planner.contingency.why_not.order_lanes import BOTH, ENERGY, TIME
+from planner.contingency.why_not.order_run import Scale, carry_out, ways_of
 from planner.contingency.why_not.tabled_futures import TabledFutures
-from planner.evaluate.model import LEAST, Floats, Model
+from planner.evaluate.model import LEAST, Floats, Ints, Model
 from planner.evaluate.rollout import Costs, World
 
 Curves = NDArray[np.float32]
@@ -78,6 +73,17 @@ class Widened:
         return 0 if self.row is None else at
 
 
+class Near(NamedTuple):
+    """The orders that one change of an order leads to, as rows of a table [changes, most] with their lengths,
+    the factors on the downlink volume that they need, and their numbers as bytes.
+    """
+
+    table: Ints
+    sizes: Ints
+    needs: Floats
+    names: list[bytes]
+
+
 class OrdersByBudget:
     """Orders of a model's observations, and their curves in common futures; kept once asked for.
 
@@ -102,7 +108,9 @@ class OrdersByBudget:
         self._restricted = bool(model.limits) or bool(np.any(model.predecessors))
         self.windows = model.window
         self.number: dict[Order, int] = {}
-        self._neighbours: dict[Order, list[Order]] = {}
+        self._named: dict[bytes, int] = {}
+        self._neighbours: dict[Order, Near] = {}
+        self._useful = model.utility > 0.0
         self._climbed: set[tuple[Order, int, int, bool]] = set()
         self._orders: list[Order] = []
         self._curves = np.empty((BEGUN, 6, len(self.factors)), np.float32)
@@ -132,32 +140,37 @@ class OrdersByBudget:
         return self.number[order]
 
     def _carry_out(self, orders: list[Order], row: int = -1, at: int = 0) -> None:
-        """Work out the curves of orders that have none yet; with a row those that are not far behind the
-        first at factor number `at`, which may have one.
-        """
+        """Work out the curves of orders that have none yet, as `_work_out` does."""
         sizes = np.array([len(order) for order in orders])
         table = np.zeros((len(orders), max(1, int(sizes.max()))), np.int64)
         every = itertools.chain.from_iterable(orders)
         table[np.arange(table.shape[1]) < sizes[:, None]] = np.fromiter(every, np.int64, int(sizes.sum()))
+        self._work_out(table, sizes, row, at)
+
+    def _work_out(self, table: Ints, sizes: Ints, row: int, at: int) -> Ints:
+        """Work out the curves of orders, rows of a table that have none yet; with a row of the curves those
+        that are not far behind the first at factor number `at`, which has one. Return which rows got one; the
+        orders are numbered in turn.
+        """
         first = len(self._orders)
-        while first + len(orders) > len(self._held):
+        while first + len(table) > len(self._held):
             self._curves = np.concatenate([self._curves, np.empty_like(self._curves)])
             self._held = np.concatenate([self._held, self._held])
             self._needs = np.concatenate([self._needs, self._needs])
-        work_out_drives(table, sizes, self._ways, self._world, self.futures)
         kept = carry_out(
             table, sizes, self._ways, self._costs, self._world, self.windows, self.futures, self._scale,
             self.asked, row, at, self._curves[first:],
         )  # fmt: skip
-        for which in kept.tolist():
-            order = orders[which]
-            number = self.number[order] = len(self._orders)
+        for line, size in zip(table[kept].tolist(), sizes[kept].tolist(), strict=True):
+            order = tuple(line[:size])
+            number = self.number[order] = self._named[bytes(order)] = len(self._orders)
             self._orders.append(order)
             self._held[number] = self.asked in order
             self._needs[number] = self.volume(order)
         fresh = self._curves[first : len(self._orders)]
         for k in (TIME, ENERGY):
             self._ample[k] = self._ample[k] and np.array_equal(fresh[:, k, -1], fresh[:, k, 0])
+        return kept
 
     def volume(self, order: Order) -> float:
         """Return the factor on the downlink volume that an order needs."""
@@ -265,31 +278,42 @@ class OrdersByBudget:
 
     def _climb(self, how: Widened, at: int, value: float, here: Order) -> None:
         """Change an order as long as that wins; orders far behind after few futures are given up there."""
-        holds, (row, column) = self.asked in here, self._told_by(how, at)
+        row, column = self._told_by(how, at)
         most = (self.factors[at] if how.volume else 1.0) * (1.0 + 1e-9)
         while (here, row, column, how.volume) not in self._climbed:
             self._climbed.add((here, row, column, how.volume))
-            near = self._near(here, holds=holds)
-            fresh = [new for new in near if new not in self.number and self.volume(new) <= most]
-            if fresh:
-                self._carry_out([here, *fresh], row, column)
-            numbers = np.array([self.number[new] for new in near if new in self.number], np.int64)
+            near = self._near(here)
+            known = np.array([self._named.get(name, -1) for name in near.names], np.int64)
+            fresh = np.flatnonzero((known < 0) & (near.needs <= most))
+            if len(fresh):
+                table = np.zeros((1 + len(fresh), near.table.shape[1]), np.int64)
+                table[0, : len(here)], table[1:] = here, near.table[fresh]
+                first = len(self._orders)
+                kept = self._work_out(table, np.append(len(here), near.sizes[fresh]), row, column)
+                known[fresh[kept - 1]] = np.arange(first, first + len(kept))
+            numbers = known[known >= 0]
             worths = self._worths(how, at, numbers=numbers)[0][:, 0]
             if not len(numbers) or worths.max() <= value:
                 return
             best = worths.argmax()
             value, here = float(worths[best]), self._orders[numbers[best]]
 
-    def _near(self, order: Order, *, holds: bool) -> list[Order]:
+    def _near(self, order: Order) -> Near:
         """Return the orders that one change of an order leads to and that can be made, of one side."""
         known = self._neighbours.get(order)
         if known is None:
-            every = itertools.chain(every_change(self.model, order), more(self.model, order))
-            known = self._neighbours[order] = [
-                new
-                for new in dict.fromkeys(every)
-                if (self.asked in new) is holds and new != order and self._may_be_made(new)
-            ]
+            table, sizes = changes_of(np.array(order, np.int64), self._useful, self.asked)
+            if self._restricted:
+                rows = zip(table.tolist(), sizes.tolist(), strict=True)
+                can = [self._may_be_made(tuple(line[:size])) for line, size in rows]
+                table, sizes = table[can], sizes[can]
+            needs = np.zeros(len(table))
+            if self._volume:
+                inside = np.arange(table.shape[1]) < sizes[:, None]
+                needs = np.where(inside, self.model.data_mbit[table], 0.0).sum(axis=1) / self._volume
+            width, text = table.shape[1], table.astype(np.uint8).tobytes()
+            names = [text[k * width : k * width + size] for k, size in enumerate(sizes.tolist())]
+            known = self._neighbours[order] = Near(table, sizes, needs, names)
         return known
 
     def look_at(self, orders: Iterable[Order]) -> None:
@@ -330,15 +354,3 @@ class OrdersByBudget:
             self._climb(how, below, *max(valued))
         self.look_at(self.without(order) for _, order in self.best(how, at, holds=True))
         self.climb(how, at, holds=False)
-
-
-def more(model: Model, order: Order) -> Iterator[Order]:
-    """Yield each order with one observation in another's stead, and each with a part turned round."""
-    size = len(order)
-    for k in range(size):
-        for m in range(model.m):
-            if m not in order and model.utility[m] > 0.0:
-                yield (*order[:k], m, *order[k + 1 :])
-    for i in range(size):
-        for k in range(i + 3, size + 1):
-            yield (*order[:i], *order[i:k][::-1], *order[k:])

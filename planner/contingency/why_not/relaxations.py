@@ -18,7 +18,7 @@ from planner.contingency.order_in_futures import Order
 from planner.contingency.seeding import route_plan
 from planner.contingency.why_not.contests import BudgetContest, Contest, WindowContest
 from planner.contingency.why_not.limits import OF_ENERGY, OF_TIME, VOLUME, WINDOW, widened
-from planner.contingency.why_not.order_run import BOTH, ENERGY, TIME
+from planner.contingency.why_not.order_lanes import BOTH, ENERGY, TIME
 from planner.contingency.why_not.order_value import OrderValues
 from planner.contingency.why_not.orders_by_budget import AHEAD, LEAST_CHANCE, Widened
 from planner.contingency.why_not.question import Question
