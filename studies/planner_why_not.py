@@ -1,6 +1,6 @@
 """Why-not against brute force over all orders.
 
-    python -m studies.planner_why_not [--questions 300] [--targets 5] [--seed S]
+    python -m studies.planner_why_not [--questions 300] [--targets 5 6] [--seed S] [--seconds T] [--resume]
 
 Random days whose budgets hold a part of what is asked. For each observation that the best plan without
 branches leaves out, the plan of `why_not` that attempts it is compared with the best of all orders that hold
@@ -8,15 +8,19 @@ it, both valued without sampling. The plan that is told with a relaxation must h
 was tuned on these days. With the factor that is told or a hundredth more the best of all orders must make the
 observation, and with a hundredth less the best must not: either may be off by `TIE` of the value, within
 which values without sampling are exact, as leads of some orders hardly change over a tenth of a budget.
+
+All orders are ranked in drawn futures by plain numpy (`all_orders`), which shares no code with why-not, and
+the best are valued by the evaluator. Each day has draws of its own; results are written after each, and a run
+that was ended goes on with `--resume`.
 """
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
-import itertools
 import json
 import time
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -33,15 +37,15 @@ from studies.common.all_orders import AllOrders
 from studies.common.planner_days import day
 from tests.planner.examples import visits
 
-SEARCH_GRIDS = ((33, 21), (49, 29))
-"""Nodes on which all orders are ranked; the best `FINAL` are valued again on the evaluator's own."""
-FINAL = 4
-ON_GRIDS = 5
-"""Observations up to which grids rank all orders; 2,000 orders and more are ranked in drawn futures, by plain
-numpy (`all_orders`), which shares no code with why-not.
+RANKED = {5: 4_096, 6: 2_048}
+FEWEST = 512
+"""Futures in which all orders are ranked, by the number of targets, and where there are more: as many as take
+a second or two; differences are off by 0.5 % in the fewest.
 """
-RANKED, FINAL_RANKED = 512, 24
-"""Those futures, and how many orders are valued again then: differences are off by 0.5 % in them."""
+FINAL, BEHIND = 24, 0.02
+"""How many of the best are valued again, and the share of the value behind which none is: four times as much
+as differences are off by.
+"""
 CLOSE, TIE = 1.01, 2e-3
 """How far a factor may be off, and the share of a value that is not told apart: 0.1 % is asked of a lead."""
 WANTED_S = 0.3
@@ -51,26 +55,10 @@ FEW = 50_000
 
 
 def orders(problem: Problem) -> dict[tuple[str, ...], float]:
-    """Return the values of all orders, those that are near the best as the evaluator gives them."""
-    model = Model.of(problem)
+    """Return the values of all orders in drawn futures."""
     names = [str(o.id) for o in problem.observations]
-    every = itertools.chain.from_iterable(
-        itertools.permutations(range(model.m), count) for count in range(1, model.m + 1)
-    )
-    if model.m <= ON_GRIDS:
-        quick = Evaluator(model, *SEARCH_GRIDS)
-        return {
-            named: quick.value(visits(problem, *named)).value
-            for order in every
-            if (named := tuple(names[m] for m in order))
-        }
-    drawn = AllOrders(problem, RANKED, seed=2).worths()
+    drawn = AllOrders(problem, RANKED.get(len(names), FEWEST), seed=2).worths()
     return {tuple(names[m] for m in order): worth for order, worth in drawn.items()}
-
-
-def final(problem: Problem) -> int:
-    """Return how many of the best orders are valued again."""
-    return FINAL if len(problem.observations) <= ON_GRIDS else FINAL_RANKED
 
 
 def best_of(problem: Problem, ranked: dict[tuple[str, ...], float], name: str | None) -> float:
@@ -78,10 +66,9 @@ def best_of(problem: Problem, ranked: dict[tuple[str, ...], float], name: str | 
     anything, to do nothing is the best of all.
     """
     fine = Evaluator(Model.of(problem))
-    held = sorted((o for o in ranked if name is None or name in o), key=lambda o: -ranked[o])[
-        : final(problem)
-    ]
-    best = max(fine.value(visits(problem, *order)).value for order in held)
+    held = sorted((o for o in ranked if name is None or name in o), key=lambda o: -ranked[o])[:FINAL]
+    least = ranked[held[0]] - BEHIND * abs(ranked[held[0]])
+    best = max(fine.value(visits(problem, *order)).value for order in held if ranked[order] >= least)
     return max(best, 0.0) if name is None else best
 
 
@@ -93,13 +80,13 @@ def lead(problem: Problem, o: Observation, kind: str, factor: float) -> float:
     fine = Evaluator(model)
     best = {True: -np.inf, False: 0.0}
     for holds in best:
-        left = final(problem)
+        left = FINAL
         for order in sorted((r for r in ranked if (o.id in r) is holds), key=lambda r: -ranked[r]):
             if holds and chance(model, visits(wide, *order), o) < LEAST_CHANCE:
                 continue
             best[holds] = max(best[holds], fine.value(visits(wide, *order)).value)
             left -= 1
-            if not left or ranked[order] < best[holds] - 0.05 * abs(best[holds]):
+            if not left or ranked[order] < best[holds] - BEHIND * abs(best[holds]):
                 break
     scale = max(abs(best[True]), abs(best[False]), 0.1 * o.utility)
     return (best[True] - best[False]) / scale
@@ -124,28 +111,27 @@ def load_kernels() -> None:
         why_not(problem, (), str(o.id))
 
 
-def main() -> None:
-    """Print what was found and write `studies/results/planner_why_not.json`."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--questions", type=int, default=300)
-    parser.add_argument("--targets", type=int, default=5)
-    parser.add_argument("--seed", type=int, default=None, help="fresh from the clock when absent")
-    parser.add_argument("--seconds", type=float, default=1e9, help="ends after so many by the clock")
-    options = parser.parse_args()
-    seed = options.seed if options.seed is not None else time.time_ns() % 1_000_000_000
-    print(f"seed {seed}")
-    load_kernels()
-    rng, began = np.random.default_rng(seed), time.monotonic()
-    short: list[float] = []
-    used: list[float] = []
-    texts: list[str] = []
-    told, unverified, late, early = 0, 0, 0, 0
-    missed: list[str] = []
-    while len(short) < options.questions and time.monotonic() - began < options.seconds:
-        problem = day(rng, least=options.targets, most=options.targets)
-        share = float(rng.uniform(0.4, 0.8))
-        budget = dataclasses.replace(problem.budget, time_s=share * problem.budget.time_s)
-        problem = dataclasses.replace(problem, budget=budget)
+@dataclass
+class Found:
+    """What was found so far: of each question how far the forced plan is behind the best order, as a share,
+    the processor seconds and the answer; and of relaxations how many were told, how many without a plan, too
+    early and too late.
+    """
+
+    seed: int
+    targets: list[int]
+    days: int = 0
+    short: list[float] = field(default_factory=list)
+    used: list[float] = field(default_factory=list)
+    answers: list[str] = field(default_factory=list)
+    told: int = 0
+    unverified: int = 0
+    early: int = 0
+    late: int = 0
+    missed: list[str] = field(default_factory=list)
+
+    def ask(self, problem: Problem) -> None:
+        """Ask about each observation of a day that its best order leaves out."""
         ranked = orders(problem)
         plan = visits(problem, *max(ranked, key=lambda order: ranked[order]))
         fine, left = Evaluator(Model.of(problem)), planned_observations(plan)
@@ -157,37 +143,76 @@ def main() -> None:
             took = time.process_time() - start
             if not found.forced:
                 continue
-            used.append(took)
-            texts.append(f"{o.id}: {found.reason}")
+            self.used.append(round(took, 4))
+            self.answers.append(f"day {self.days}, {o.id}: {found.reason}")
             best = best_of(problem, ranked, str(o.id))
             scale = max(best_of(problem, ranked, None), abs(best))
-            short.append((best - fine.value(found.forced).value) / scale)
+            self.short.append((best - fine.value(found.forced).value) / scale)
             for relaxation in found.relaxations:
-                told += 1
-                unverified += o.id not in planned_observations(relaxation.plan)
-                over = lead(problem, o, relaxation.what, relaxation.factor * CLOSE)
-                if over < -TIE:  # something else may come in just above
-                    over = lead(problem, o, relaxation.what, relaxation.factor)
-                under = lead(problem, o, relaxation.what, max(1.0, relaxation.factor / CLOSE))
-                early += over < -TIE
-                late += under > TIE and relaxation.factor > CLOSE
-                if over < -TIE or (under > TIE and relaxation.factor > CLOSE):
-                    missed.append(f"{o.id} {relaxation.what} {relaxation.factor}: {under:+.4f} {over:+.4f}")
-    worst = max(short, default=0.0)
-    within, soon = sum(value <= 0.001 for value in short), sum(took <= WANTED_S for took in used)
-    print(
-        f"{len(short)} questions at {options.targets} targets: forced plan within 0.1 % of the best order on "
-        f"{within}, worst {worst:.3%}; {told} relaxations told, {unverified} without a plan; processor "
-        f"{np.median(used):.2f} s in the median, at most {WANTED_S} s on {soon} of {len(used)}; "
-        f"the dearest {max(used):.2f} s, {texts[int(np.argmax(used))]}"
-    )
-    print(
-        f"of the relaxations {early} come too early and {late} too late by more than 1 %", *missed, sep="\n  "
-    )
-    out = Path("studies/results/planner_why_not.json")
-    out.write_text(
-        json.dumps({"seed": seed, "short": short, "used": used}, indent=1) + "\n", encoding="utf-8"
-    )
+                self.told += 1
+                self.unverified += o.id not in planned_observations(relaxation.plan)
+                self._judge(problem, o, relaxation.what, relaxation.factor)
+
+    def _judge(self, problem: Problem, o: Observation, kind: str, factor: float) -> None:
+        """Count a relaxation that comes too early or too late."""
+        over = lead(problem, o, kind, factor * CLOSE)
+        if over < -TIE:  # something else may come in just above
+            over = lead(problem, o, kind, factor)
+        under = lead(problem, o, kind, factor / CLOSE) if factor > CLOSE else -np.inf
+        self.early += over < -TIE
+        self.late += under > TIE
+        if over < -TIE or under > TIE:
+            self.missed.append(f"day {self.days}, {o.id} {kind} {factor}: {under:+.4f} {over:+.4f}")
+
+    def __str__(self) -> str:
+        within, soon = sum(value <= 0.001 for value in self.short), sum(s <= WANTED_S for s in self.used)
+        targets, dearest = " to ".join(map(str, self.targets)), int(np.argmax(self.used))
+        return "\n  ".join(
+            [
+                f"{len(self.short)} questions at {targets} targets: forced plan within 0.1 % of the best "
+                f"order on {within}, worst {max(self.short):.3%}",
+                f"{self.told} relaxations told, {self.unverified} without a plan, {self.early} too early and "
+                f"{self.late} too late by more than 1 %",
+                f"processor {np.median(self.used):.2f} s in the median, at most {WANTED_S} s on {soon} of "
+                f"{len(self.used)}; the dearest {max(self.used):.2f} s, {self.answers[dearest]}",
+                *self.missed,
+            ]
+        )
+
+
+def drawn(seed: int, number: int, targets: list[int]) -> Problem:
+    """Return a day whose time budget holds a part of what is asked."""
+    rng = np.random.default_rng([seed, number])
+    problem = day(rng, least=min(targets), most=max(targets))
+    budget = dataclasses.replace(problem.budget, time_s=float(rng.uniform(0.4, 0.8)) * problem.budget.time_s)
+    return dataclasses.replace(problem, budget=budget)
+
+
+def main() -> None:
+    """Print what was found and, after every day, write the results."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--questions", type=int, default=300)
+    parser.add_argument("--targets", type=int, nargs="+", default=[5, 6], help="the least and the most")
+    parser.add_argument("--seed", type=int, default=None, help="fresh from the clock when absent")
+    parser.add_argument("--seconds", type=float, default=1e9, help="ends after so many by the clock")
+    parser.add_argument("--resume", action="store_true", help="go on where the results stopped")
+    parser.add_argument("--results", type=Path, default=Path("studies/results/planner_why_not.json"))
+    options = parser.parse_args()
+    seed = options.seed if options.seed is not None else time.time_ns() % 1_000_000_000
+    found = Found(seed, [min(options.targets), max(options.targets)])
+    if options.resume:
+        found = Found(**json.loads(options.results.read_text(encoding="utf-8")))
+        if found.targets != [min(options.targets), max(options.targets)]:
+            parser.error(f"the results are of --targets {found.targets}, not of {options.targets}")
+    print(f"seed {found.seed}, from day {found.days} on", flush=True)
+    load_kernels()
+    began = time.monotonic()
+    while len(found.short) < options.questions and time.monotonic() - began < options.seconds:
+        found.ask(drawn(found.seed, found.days, found.targets))
+        found.days += 1
+        options.results.write_text(json.dumps(asdict(found), indent=1) + "\n", encoding="utf-8")
+        print(f"day {found.days}: {len(found.short)} questions, {len(found.missed)} missed", flush=True)
+    print(found if found.short else "no questions yet")
 
 
 if __name__ == "__main__":
