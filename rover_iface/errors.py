@@ -10,6 +10,7 @@
     |   `-- OutsideTerrainError   a point lies outside the terrain
     |-- CameraError
     |   `-- CameraLabelError      a label holds no usable camera model
+    |-- PicturesError             pictures cannot become terrain: none is a pair, or none can be trusted
     |-- RenderError               an image cannot be made (camera below ground, target behind it)
     |-- PlacementError            no pose from which the instrument reaches the target
     |-- TrackerError              misuse of a tracker
@@ -57,6 +58,10 @@ class CameraError(RoverError):
 
 class CameraLabelError(CameraError):
     """A label holds no usable camera model."""
+
+
+class PicturesError(RoverError):
+    """Pictures cannot become terrain; the message names each picture and what is wrong with it."""
 
 
 class RenderError(RoverError):

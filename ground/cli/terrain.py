@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from ground.cli.failure import fail, refusals
+from ground.cli.geo_group.from_images import from_images
 from ground.cli.geo_group.glb import glb
 
 terrain = typer.Typer(name="terrain", help="Make, import and look at terrain.", no_args_is_help=True)
@@ -17,6 +18,7 @@ def register(app: typer.Typer) -> None:
     """Add the group to the program."""
     app.add_typer(terrain)
     terrain.command()(glb)
+    terrain.command("from-images")(from_images)
 
 
 @terrain.command()
@@ -131,7 +133,9 @@ def query(
         ground = load_terrain(path)
         height = ground.height_at(east, north)
     normal = ground.normal(east, north)
-    typer.echo(f"height     {height:.3f} m")
+    sigma = float(ground.sigma(east, north))
+    known = "" if math.isnan(sigma) else f", known to {100 * sigma:.1f} cm"
+    typer.echo(f"height     {height:.3f} m{known}")
     typer.echo(f"normal     {normal[0]:.3f} {normal[1]:.3f} {normal[2]:.3f}")
     typer.echo(f"slope      {math.degrees(float(ground.slope(east, north))):.1f} degrees over 1 m")
     typer.echo(f"roughness  {100 * float(ground.roughness(east, north)):.1f} cm over 1 m")

@@ -49,6 +49,8 @@ class HeightLayer:
         The same without rocks, where that is known.
     mask
         [rows, columns] true where the ground was seen by the rover's own cameras; None = everywhere.
+    sigma
+        [rows, columns] metres, standard deviation of the heights; None = not told.
     """
 
     heights: NDArray[np.float32]
@@ -58,6 +60,7 @@ class HeightLayer:
     ground: NDArray[np.float32] | None = None
     mask: NDArray[np.bool_] | None = None
     name: str = ""
+    sigma: NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:
         if self.heights.ndim != 2 or min(self.heights.shape) < 2:
@@ -110,6 +113,13 @@ class HeightLayer:
         flat = bilinear(data, self.west, self.south, self.spacing, x.ravel(), y.ravel())
         value: Array = flat.reshape(x.shape)
         return value
+
+    def nearest_post(self, x: Array, y: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return row and column [...] of the posts nearest to `x`, `y` [...], site frame, m."""
+        rows, columns = self.heights.shape
+        r = np.clip(np.rint((y - self.south) / self.spacing), 0, rows - 1).astype(np.int64)
+        c = np.clip(np.rint((x - self.west) / self.spacing), 0, columns - 1).astype(np.int64)
+        return r, c
 
     def fill(self, value: Array, x: Array, y: Array, *, ground: bool = False) -> int:
         """Put heights into `value` [n], m, where it is NaN and the raster knows them at `x`, `y` [n], site

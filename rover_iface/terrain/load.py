@@ -4,13 +4,14 @@
 
     {"format": "terrain/1", "name": ..., "credits": ..., "origin": {...},
      "layers": [{"dem": "dem_32m.tif", "ground": "ground_32m.tif", "ortho": "ortho_32m.png",
-                 "mask": "mask_32m.png"}],
-     "rocks": "rocks.json"}
+                 "mask": "mask_32m.png", "sigma": "sigma_32m.tif"}],
+     "rocks": "rocks.json", "panorama": "panorama.json"}
 
-Every member of a layer but `dem` may be absent; a single layer may be given by the members `dem`, `ortho`
-and `mask`
-of the document itself. An ortho image has the extent of its DEM unless a world file lies beside it. A folder
-without `terrain.json` is read by its names: `dem_<size>*.tif` with `ortho_<size>*` and `*mask_<size>*`.
+`sigma` is the standard deviation of the heights, m; `panorama` the pictures that the heights were made from,
+of form `panorama/1`. Every member of a layer but `dem` may be absent; a single layer may be given by the
+members `dem`, `ortho` and `mask` of the document itself. An ortho image has the extent of its DEM unless a
+world file lies beside it. A folder without `terrain.json` is read by its names: `dem_<size>*.tif` with
+`ortho_<size>*` and `*mask_<size>*`.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ from rover_iface.terrain.georeferenced_image import image_on_dem, mask_on_dem
 from rover_iface.terrain.grid import HeightLayer, Ortho
 from rover_iface.terrain.mesh import MESHES, load_mesh_terrain
 from rover_iface.terrain.outside import inside, opened_image
+from rover_iface.terrain.panorama_files import copied_panorama, panorama_files
 from rover_iface.terrain.rocks import ROCKS, Rock, RockList
 from rover_iface.terrain.terrain import Terrain
 
@@ -55,6 +57,7 @@ class LayerFiles:
     ground: str | None = None
     ortho: str | None = None
     mask: str | None = None
+    sigma: str | None = None
 
 
 @reads_over
@@ -67,6 +70,7 @@ class TerrainFile:
     origin: Document = field(default_factory=dict)
     layers: Annotated[tuple[LayerFiles, ...], MinLen(1)] = ()
     rocks: str | None = None
+    panorama: str | None = None
 
 
 TERRAINS = Codec(TerrainFile, "terrain/1", "terrain", error=TerrainFormatError)
@@ -146,15 +150,10 @@ def _assemble(name: str, folder: Path, described: TerrainFile) -> Terrain:
             onto = dem.crs
             shift = _site_shift(dem)
             origin.update(_place_of(dem, shift))
-        ground = None
-        if entry.ground:
-            bare = read_dem(inside(folder, entry.ground), onto)
-            if bare.heights.shape != dem.heights.shape or not np.allclose(bare.place, dem.place):
-                raise TerrainFormatError(
-                    f"{entry.ground} has another grid than {entry.dem}: "
-                    f"{bare.heights.shape} posts at {bare.place}"
-                )
-            ground = bare.heights
+        ground, sigma = (
+            _same_grid(folder, other, entry.dem, dem, onto) if other else None
+            for other in (entry.ground, entry.sigma)
+        )
         mask = _read_mask(inside(folder, entry.mask), dem) if entry.mask else None
         digest.update(dem.heights.tobytes())
         layer = HeightLayer(
@@ -165,6 +164,7 @@ def _assemble(name: str, folder: Path, described: TerrainFile) -> Terrain:
             ground,
             mask,
             Path(entry.dem).stem,
+            sigma,
         )
         read.append((layer, entry, dem))
     read.sort(key=lambda item: item[0].spacing)
@@ -182,6 +182,9 @@ def _assemble(name: str, folder: Path, described: TerrainFile) -> Terrain:
         listing = read_object(named, TerrainFormatError)
         rocks = ROCKS.from_document(listing, str(named)).rocks
         digest.update(json.dumps(listing, sort_keys=True).encode())
+    pictures = panorama_files(folder, described.panorama) if described.panorama else ()
+    for file in pictures:
+        digest.update(file.read_bytes())
     return Terrain(
         described.name or name,
         tuple(layer for layer, _, _ in read),
@@ -190,7 +193,18 @@ def _assemble(name: str, folder: Path, described: TerrainFile) -> Terrain:
         described.credits,
         origin,
         digest.hexdigest(),
+        pictures,
     )
+
+
+def _same_grid(folder: Path, name: str, of: str, dem: Dem, onto: CRS | None) -> NDArray[np.float32]:
+    """Return another raster of a layer, which must have the posts of its DEM `of`."""
+    found = read_dem(inside(folder, name), onto)
+    if found.heights.shape != dem.heights.shape or not np.allclose(found.place, dem.place):
+        raise TerrainFormatError(
+            f"{name} has another grid than {of}: {found.heights.shape} posts at {found.place}"
+        )
+    return found.heights
 
 
 def _site_shift(dem: Dem) -> tuple[float, float]:
@@ -277,7 +291,7 @@ def write_terrain(terrain: Terrain, folder: Path | str) -> Path:
         tag = f"{layer.heights.shape[1] * layer.spacing:g}m"
         west, _, _, north = layer.bounds
         entry: dict[str, str] = {}
-        for kind, data in (("dem", layer.heights), ("ground", layer.ground)):
+        for kind, data in (("dem", layer.heights), ("ground", layer.ground), ("sigma", layer.sigma)):
             if data is None or (kind == "ground" and not terrain.rocks):
                 continue
             name = f"{kind}_{tag}.tif"
@@ -312,7 +326,12 @@ def write_terrain(terrain: Terrain, folder: Path | str) -> Path:
             )
         entries.append(LayerFiles(**entry))
     described = TerrainFile(
-        terrain.name, terrain.credits, terrain.origin, tuple(entries), "rocks.json" if terrain.rocks else None
+        terrain.name,
+        terrain.credits,
+        terrain.origin,
+        tuple(entries),
+        "rocks.json" if terrain.rocks else None,
+        copied_panorama(terrain.panorama, folder),
     )
     if terrain.rocks:
         listing = ROCKS.document(RockList(terrain.rocks))

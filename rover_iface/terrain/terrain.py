@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,6 +31,9 @@ class Terrain:
         Ortho images, finest first.
     rocks
         Rocks with known geometry, where the terrain was generated; they are part of the heights.
+    panorama
+        Files of the pictures that the heights were made from, the document `panorama/1` first; none as a
+        rule.
     """
 
     name: str
@@ -39,6 +43,7 @@ class Terrain:
     credits: str = ""
     origin: Mapping[str, float | str] = field(default_factory=dict)
     sha256: str = ""
+    panorama: tuple[Path, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.layers:
@@ -83,6 +88,11 @@ class Terrain:
         """
         if not bool(self.inside(x, y)):
             west, south, east, north = self.bounds
+            if west <= x <= east and south <= y <= north:
+                raise OutsideTerrainError(
+                    f'{what} ({x:.2f}, {y:.2f}) lies in a hole of the terrain "{self.name}": no height is '
+                    "known there"
+                )
             raise OutsideTerrainError(
                 f'{what} ({x:.2f}, {y:.2f}) lies outside the terrain "{self.name}", which reaches from '
                 f"({west:.1f}, {south:.1f}) to ({east:.1f}, {north:.1f}) m"
@@ -157,12 +167,23 @@ class Terrain:
             if layer.mask is None:
                 seen |= take
             else:
-                rows, columns = layer.mask.shape
-                r = np.clip(np.rint((y - layer.south) / layer.spacing), 0, rows - 1).astype(np.int64)
-                c = np.clip(np.rint((x - layer.west) / layer.spacing), 0, columns - 1).astype(np.int64)
-                seen |= take & layer.mask[r, c]
+                seen |= take & layer.mask[layer.nearest_post(x, y)]
             open_ &= ~take
         return seen
+
+    def sigma(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Return the standard deviation, m, of the heights at points; NaN where the terrain does not tell
+        it.
+        """
+        x, y = _pair(x, y)
+        told = np.full(x.shape, np.nan)
+        open_ = np.ones(x.shape, dtype=bool)
+        for layer in self.layers:
+            take = open_ & layer.covers(x, y)
+            if layer.sigma is not None:
+                told[take] = layer.sigma[layer.nearest_post(x, y)][take]
+            open_ &= ~take
+        return told
 
     # ---- sight
 
