@@ -1,4 +1,7 @@
-"""The panorama of the start pose: rendered tile by tile when asked for, kept on disk, asked for points."""
+"""The panorama of the start pose: the pictures that its terrain was made from, or what the simulator renders.
+
+Tiles are made when they are asked for, kept on disk, and asked for points.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +21,7 @@ from ground.gdr.repository import Repository
 from ground.records.actor import Action, Actor
 from ground.resources.missions.row import MissionRow
 from ground.resources.missions.terrain import mission_terrain, terrain_row
+from ground.resources.site_views.taken_pictures import TakenPictures
 from ground.resources.site_views.value import Panorama, PanoramaTile
 from ground.resources.sols.row import SolRow
 from ground.resources.terrains.terrain import ground_at
@@ -30,6 +34,7 @@ if TYPE_CHECKING:
     from rover_iface.cameras.model import CameraModel
     from rover_iface.cameras.rig import CameraRig
     from rover_iface.frames import Pose
+    from rover_iface.profile import RoverProfile
     from rover_iface.simulator.render.renderer import Renderer
     from rover_iface.terrain import Terrain
 
@@ -41,6 +46,17 @@ VERSION = 3
 
 _rendering = threading.Lock()
 _renderer: tuple[str, Renderer] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """What a mission says of its panorama: the ground, the rover, where and when its last sol starts."""
+
+    terrain: Terrain
+    sha256: str
+    profile: RoverProfile
+    start: PoseValue
+    lmst_h: float
 
 
 @dataclass(frozen=True)
@@ -95,7 +111,10 @@ def look_around(repo: Repository, actor: Actor, mission_id: str) -> Panorama:
     OutsideTerrainError
         If the rover cannot stand at its start.
     """
-    place = _place(repo, actor, mission_id)
+    asked = _asked(repo, actor, mission_id)
+    if (taken := _taken(repo, asked)) is not None:
+        return taken.describe(mission_id)
+    place = _place(repo, asked)
     shape = _shape(place)
     return Panorama(
         pose=place.start,
@@ -126,9 +145,12 @@ def read_tile(repo: Repository, actor: Actor, mission_id: str, index: int) -> Pa
     NotFoundError
         If the panorama has no such tile.
     """
-    place = _place(repo, actor, mission_id)
-    if index >= place.count:
-        raise NotFoundError(f"the panorama has no tile {index}; it has 0 to {place.count - 1}")
+    asked = _asked(repo, actor, mission_id)
+    if (taken := _taken(repo, asked)) is not None:
+        _require_tile(index, taken.tiles)
+        return taken.tile(index)
+    place = _place(repo, asked)
+    _require_tile(index, place.count)
     path = place.tile(index)
     if path.exists():
         return path
@@ -150,7 +172,10 @@ def point_in_panorama(
     OutsideTerrainError
         If the line of sight meets no ground within 100 m.
     """
-    place = _place(repo, actor, mission_id)
+    asked = _asked(repo, actor, mission_id)
+    if (taken := _taken(repo, asked)) is not None:
+        return taken.point(azimuth_rad, elevation_rad)
+    place = _place(repo, asked)
     offset = (azimuth_rad - place.left_azimuth(0)) % math.tau
     index = min(place.count - 1, int(offset / (math.tau / place.count)))
     level = math.cos(elevation_rad)
@@ -165,10 +190,12 @@ def point_in_panorama(
     return ground_at(place.terrain, float(hit[0]), float(hit[1]), place.start)
 
 
-def _place(repo: Repository, actor: Actor, mission_id: str) -> _Place:
-    from rover_iface.cameras.rig import rig_of
-    from rover_iface.mobility import settled_pose
+def _require_tile(index: int, count: int) -> None:
+    if index >= count:
+        raise NotFoundError(f"the panorama has no tile {index}; it has 0 to {count - 1}")
 
+
+def _asked(repo: Repository, actor: Actor, mission_id: str) -> _Asked:
     actor.require(Action.READ, mission_id)
     with repo.database.read() as session:
         ground = terrain_row(session, mission_id)
@@ -178,8 +205,19 @@ def _place(repo: Repository, actor: Actor, mission_id: str) -> _Place:
         ).first()
         start = PoseValue(**(ground.description["start_pose"] if sol is None else sol.start_pose))
         lmst_h = 10.0 if sol is None else float(sol.start_lmst_h)
-        sha256 = ground.sha256
-        terrain = mission_terrain(repo, session, mission_id)
+        return _Asked(mission_terrain(repo, session, mission_id), ground.sha256, profile, start, lmst_h)
+
+
+def _taken(repo: Repository, asked: _Asked) -> TakenPictures | None:
+    cache = repo.data_dir / "cache" / "panoramas"
+    return TakenPictures.of(asked.terrain, asked.start, cache, asked.sha256, asked.lmst_h)
+
+
+def _place(repo: Repository, asked: _Asked) -> _Place:
+    from rover_iface.cameras.rig import rig_of
+    from rover_iface.mobility import settled_pose
+
+    terrain, profile, start, lmst_h = asked.terrain, asked.profile, asked.start, asked.lmst_h
     stands = settled_pose(terrain, profile, start.east_m, start.north_m, start.heading_rad)
     if math.isnan(stands.z):
         raise OutsideTerrainError(
@@ -187,7 +225,7 @@ def _place(repo: Repository, actor: Actor, mission_id: str) -> _Place:
             "there is not known",
             pointer="/start_pose",
         )
-    text = f"{VERSION} {sha256} {profile.sha256} {start} {lmst_h:.3f}"
+    text = f"{VERSION} {asked.sha256} {profile.sha256} {start} {lmst_h:.3f}"
     key = hashlib.sha256(text.encode()).hexdigest()[:20]
     rig = rig_of(profile)
     camera = profile.cameras.navigation

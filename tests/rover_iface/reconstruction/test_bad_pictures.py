@@ -103,7 +103,8 @@ def test_half_a_picture_lost_gives_ground_in_the_other_half_only(tmp_path: Path)
     surface = made.surfaces[0]
     assert surface.pair.lost[0] == pytest.approx(0.5, abs=0.01)
     seen = surface.pair.left_camera.project(surface.points[np.isfinite(surface.disparities)])
-    assert float(seen[:, 0].max()) < 256.0
+    # windows that reach into what is lost compare nothing
+    assert float(seen[:, 0].max()) < 256.0 - 8.0
     # and what is there agrees with the whole picture's ground
     layer, other = made.terrain.layers[0], whole.terrain.layers[0]
     rows, columns = np.nonzero(np.isfinite(layer.heights))
