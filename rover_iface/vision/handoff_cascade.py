@@ -27,6 +27,8 @@ from rover_iface.vision.tracker import StereoView
 
 RANGE_PX = 0.15
 """Error of a patch's disparity in the hazcams."""
+ONE_RANGE = 3.0
+"""Errors of a range up to which two looks have a surface at one range, besides what pairs may disagree by."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,8 +165,15 @@ def _tested(side: Side, hazcam: Side, pixel: Array, found: Draped, options: Casc
             return _refused(motion, f"{why}, and the navcams' stereo {has}")
     if error > options.most_error_px:
         return _refused(motion, f"the error may be {error:.1f} px; {options.most_error_px} is the limit")
-    again = range_pixel(scene, at, float(np.linalg.norm(place.point - camera.C)))
+    away = float(np.linalg.norm(place.point - camera.C))
+    again = range_pixel(scene, at, away)
     position = place.point if again is None else again.point
+    apart_m = abs(float(np.linalg.norm(position - camera.C)) - away)
+    if apart_m > options.surface_m + ONE_RANGE * float(
+        np.linalg.norm(_lifted(patch, scene).point - patch.point)
+    ):
+        # what it is asked for is one pixel beside what it found: an edge, or a pattern that repeats itself
+        return _refused(motion, f"the hazcams have its surface at two ranges, {100 * apart_m:.1f} cm apart")
     return Answer(
         at,
         position,

@@ -200,7 +200,7 @@ class NccTracker:
         track = self._get(target)
         limit = self.options.stereo_limit
         match = self._stereo(view, pixel, away_m, spread=0.35)
-        if match is None or match.score < limit:
+        if match is None or match.score < limit or _off(view, match, away_m) > KNOWN_SHARE * away_m:
             limit = min(limit, KNOWN_SCORE)
             match = self._stereo(view, pixel, away_m, spread=KNOWN_SHARE)
         if match is None or match.score < limit:
@@ -540,6 +540,11 @@ def _ranged(view: StereoView, at: Array, match: PointMatch, known: KnownRange) -
     eye, ray = view.left_camera.back_project(at)
     covariance = known.sigma_m**2 * np.outer(ray, ray)
     return replace(match, point=eye + known.range_m * ray, surface_covariance=covariance)
+
+
+def _off(view: StereoView, match: PointMatch, away_m: float) -> float:
+    """Return by how much the range of a match differs from another, metres."""
+    return abs(float(np.linalg.norm(match.point - view.left_camera.C)) - away_m)
 
 
 def _total(drift: Drift) -> float:

@@ -9,9 +9,11 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from rover_iface.cameras.stereo import PointMatch
 from rover_iface.errors import TrackerError
 from rover_iface.frames import Pose, Transform
 from rover_iface.simulator.render.picture import Frame
+from rover_iface.vision import handoff_cascade
 from rover_iface.vision.handoff import METHODS, Handoff, Side, hand_off, scaled_window
 from rover_iface.vision.handoff_cascade import CascadeOptions, cascade
 from rover_iface.vision.resection import resect
@@ -253,3 +255,21 @@ def test_misuse_is_refused() -> None:
         hand_off("magic", "near", setting)
     with pytest.raises(TrackerError, match="not given"):
         hand_off("pure kinematic", "far", replace(setting, far=None))
+
+
+def test_a_surface_that_stereo_has_at_two_ranges_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One pixel further the hazcams of a day that was flown ranged a shaded edge 5.6 cm nearer (302701810)."""
+    setting, _ = given()
+    told = handoff_cascade.range_pixel
+
+    def nearer(view: StereoView, at: np.ndarray, away_m: float, spread: float = 0.3) -> PointMatch | None:
+        found = told(view, at, away_m, spread)
+        if found is None:
+            return None
+        ray = found.point - view.left_camera.C
+        return replace(found, point=found.point - 0.08 * ray / np.linalg.norm(ray))
+
+    monkeypatch.setattr(handoff_cascade, "range_pixel", nearer)
+    answer = cascade(setting, "near")
+    assert not answer.accepted
+    assert "at two ranges, 8.0 cm apart" in answer.reasons[0]
