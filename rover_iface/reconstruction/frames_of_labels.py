@@ -167,8 +167,9 @@ def _require_pointing(product: ImageProduct, name: str) -> None:
         azimuth, elevation = (math.radians(a) if isinstance(a, int | float) else math.nan for a in angles)
         if math.isnan(azimuth + elevation):
             continue
-        level = math.cos(elevation)
-        ray = np.array([level * math.cos(azimuth), level * math.sin(azimuth), -math.sin(elevation)])
+        # NAVCAL's products (Spirit's 2N292280938RAD) count the elevation downwards, the others upwards
+        level, up = math.cos(elevation), abs(math.sin(elevation)) * math.copysign(1.0, -product.camera.A[2])
+        ray = np.array([level * math.cos(azimuth), level * math.sin(azimuth), -up])
         apart = math.acos(max(-1.0, min(1.0, float(ray @ product.camera.A))))
         if not apart <= POINTING_RAD:
             raise RefusedError(

@@ -245,6 +245,9 @@ def test_flight_frames_of_one_eye_alone_are_no_terrain(tmp_path: Path) -> None:
         shutil.copyfile(path, tmp_path / path.name)
     with pytest.raises(PicturesError, match="no right picture of NAVCAM in the folder"):
         reconstruct(tmp_path)
+    # three products of one exposure count once, and labels of an archive contradict nothing
+    assert set(outcomes(tmp_path).values()) == {Reason.NO_PARTNER}
+    assert len(outcomes(tmp_path)) == 2
 
 
 def test_an_empty_folder_and_none_are_told(tmp_path: Path) -> None:
