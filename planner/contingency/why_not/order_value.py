@@ -24,6 +24,11 @@ from planner.evaluate.rollout import Costs, World
 NOTHING = 1e-15
 """Weight below which a node is left out of a kernel: fewer than a thousand make a value."""
 
+COLUMNS = 8
+"""Columns are a multiple of so many, as many as a processor takes at once: the rest would take as long as all
+the others. Those past the last node are worth nothing.
+"""
+
 Nodes = tuple[int, int]
 """How many of time and of drive energy."""
 
@@ -147,12 +152,13 @@ def _weights(row: Floats, nodes: int, base: float, step: float, mu: float, sigma
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def _correlate(
-    gain: Floats, along_t: Floats, end_t: int, along_g: Floats, end_g: int, early: int, at_opening: Floats,
-    between: Floats, value: Floats,
+    gain: Floats, ends: Ints, along_t: Floats, end_t: int, along_g: Floats, end_g: int, early: int,
+    at_opening: Floats, between: Floats, value: Floats,
 ) -> None:  # fmt: skip
     """Write the mean of `gain` [nt, ng] after an action whose amounts have these weights into `value`; the
-    first `early` rows wait, and all begin with the weights `at_opening` of the nodes. Columns of `between`
-    [nt, 2 * ng + 4] past `ng` are zero. Four weights at a time halve the time.
+    first `early` rows wait, and all begin with the weights `at_opening` of the nodes. Rows of `gain` are zero
+    from `ends` [nt] on, multiples of `COLUMNS` that do not rise, and so are columns of `between`
+    [nt, 2 * ng + 4] past `ng`. Four weights at a time halve the time.
     """
     nt, ng = gain.shape
     for r in range(min(early, nt - 1), nt):
@@ -165,18 +171,18 @@ def _correlate(
         while d + 4 <= end:
             one, two, three, four = along_t[d], along_t[d + 1], along_t[d + 2], along_t[d + 3]
             g1, g2, g3, g4 = gain[r + d], gain[r + d + 1], gain[r + d + 2], gain[r + d + 3]
-            for c in range(ng):
+            for c in range(ends[r + d]):
                 row[c] += one * g1[c] + two * g2[c] + three * g3[c] + four * g4[c]
             d += 4
         for rest in range(d, end):
-            for c in range(ng):
+            for c in range(ends[r + rest]):
                 row[c] += along_t[rest] * gain[r + rest, c]
     if early > 0:
         for c in range(ng):
             between[0, c] = 0.0
         for j in range(nt):
             if at_opening[j] > NOTHING:
-                for c in range(ng):
+                for c in range(ends[j]):
                     between[0, c] += at_opening[j] * gain[j, c]
     begin = 0
     while begin < end_g and along_g[begin] <= NOTHING:
@@ -188,19 +194,19 @@ def _correlate(
             continue
         for c in range(ng):
             out[c] = 0.0
-        for d in range(begin, end_g, 4):  # weights past the last node are zero
+        for d in range(begin, min(end_g, ends[r]), 4):  # weights past the last node are zero
             one, two, three, four = along_g[d], along_g[d + 1], along_g[d + 2], along_g[d + 3]
             g1, g2, g3, g4 = row[d:], row[d + 1 :], row[d + 2 :], row[d + 3 :]
-            for c in range(ng):
+            for c in range((ends[r] - d + COLUMNS - 1) // COLUMNS * COLUMNS):
                 out[c] += one * g1[c] + two * g2[c] + three * g3[c] + four * g4[c]
 
 
 @njit(cache=True, nogil=True)
-def _alive(costs: Costs, nt: int, ng: int, step_t: float, step_g: float) -> Floats:
-    """Return the share of each cell within both budgets, [nt, ng] (`Grid.alive`)."""
+def _alive(costs: Costs, nt: int, ng: int, width: int, step_t: float, step_g: float) -> Floats:
+    """Return the share of each cell within both budgets, [nt, width] (`Grid.alive`); zeros past column ng."""
     a, b = costs.hotel * step_t, step_g
     half, rest = (a + b) / 2.0, (a - b) / 2.0
-    alive = np.empty((nt, ng))
+    alive = np.zeros((nt, width))
     for r in range(nt):
         for c in range(ng):
             z = a * r + b * c - costs.e_max
@@ -236,13 +242,19 @@ def value_on(order: Ints, ways: Ints, costs: Costs, world: World, windows: Float
         return 0.0
     plan = layers_of(steps, starts, world, windows, costs)
     step_t, step_g, penalty = costs.t_max / (nt - 1), costs.e_max / (ng - 1), costs.penalty
-    alive = _alive(costs, nt, ng, step_t, step_g)
-    gain, between, at_opening = np.empty((nt, ng)), np.zeros((nt, 2 * ng + 4)), np.zeros(nt)
+    width = -(-ng // COLUMNS) * COLUMNS
+    alive = _alive(costs, nt, ng, width, step_t, step_g)
+    gain, between, at_opening = np.empty((nt, width)), np.zeros((nt, 2 * width + 4)), np.zeros(nt)
     along_t, along_g = np.zeros((n1 * n1, nt)), np.zeros((n1, ng + 4))
-    widest = 1
+    ends, widest = np.zeros(nt, np.int64), 1
+    for r in range(nt - 1, -1, -1):
+        ends[r] = ends[r + 1] if r + 1 < nt else 0
+        for c in range(ends[r], ng):
+            if alive[r, c] > 0.0:
+                ends[r] = (c // COLUMNS + 1) * COLUMNS
     for k in range(length + 1):
         widest = max(widest, plan.first[k + 1] - plan.first[k])
-    room = np.empty((2, widest, nt, ng))
+    room = np.empty((2, widest, nt, width))
     later = room[length % 2]
     later[: plan.first[length + 1] - plan.first[length]] = 0.0
     for k in range(length - 1, -1, -1):
@@ -287,20 +299,20 @@ def value_on(order: Ints, ways: Ints, costs: Costs, world: World, windows: Float
                 row[:] = won
                 for at in range(link, last):
                     odd, after = plan.odds[at], later[plan.to[at] - next_one, r]
-                    for c in range(ng):
+                    for c in range(width):
                         row[c] += odd * after[c]
-                for c in range(ng):
+                for c in range(width):
                     row[c] *= alive[r, c]
             _correlate(
-                gain, along_t[slot], end_t[slot], along_g[from_place], end_g[from_place], early, at_opening,
-                between, value,
+                gain, ends, along_t[slot], end_t[slot], along_g[from_place], end_g[from_place], early,
+                at_opening, between, value,
             )  # fmt: skip
             shut = plan.what[s] == OBSERVES and windows[i, 1] < costs.t_max
             for r in range(nt):
                 share = 1.0
                 if shut:
                     share -= min(max((r * step_t - windows[i, 1]) / step_t + 0.5, 0.0), 1.0)
-                for c in range(ng):
+                for c in range(width):
                     value[r, c] = share * (value[r, c] - penalty)
                     if share < 1.0:
                         value[r, c] += (1.0 - share) * later[plan.to[link + 1] - next_one, r, c]
