@@ -75,12 +75,34 @@ class Look:
         Brightness of an octave of rock, share of its albedo.
     bounce
         Light from the sunlit ground on what faces down, against that of the sky on what faces up.
+    soil_mottle
+        Factor on how much the soil's brightness varies.
+    sand
+        Share of the ground under drifts of fine sand, 0..1: quiet places between the stones.
+    grain
+        Brightness of soil's grains that a pixel does not resolve, share of its albedo.
     """
 
     soil_slope: float = 0.10
     stone_slope: float = 0.06
     mottle: float = 0.11
     bounce: float = 0.7
+    soil_mottle: float = 1.0
+    sand: float = 0.0
+    grain: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.sand <= 1.0:
+            raise RenderError(f"look has sand on a share of {self.sand} of the ground; 0 to 1 is possible")
+        if not 0.0 <= self.grain <= 1.0:
+            raise RenderError(f"look has grain of {self.grain}; 0 to 1 is possible")
+        if not 0.0 <= self.soil_mottle <= 4.0:
+            raise RenderError(f"look has a soil mottle of {self.soil_mottle}; 0 to 4 is possible")
+
+
+SANDY = Look(soil_slope=0.15, soil_mottle=0.4, sand=0.6, grain=0.1)
+"""Ground like Spirit's: much of it under sand, less blotchy, with grain. Set on eight Mars frames beside
+terrains 5000 to 9108, and judged beside others by `studies/picture_page.py`."""
 
 
 class Renderer:
@@ -250,7 +272,17 @@ class Renderer:
             sun.diffuse,
             _lunar_lambert_weight(phase),
             1.0 / camera.hs,
-            np.array([look.soil_slope, look.stone_slope, look.mottle, look.bounce]),
+            np.array(
+                [
+                    look.soil_slope,
+                    look.stone_slope,
+                    look.mottle,
+                    look.bounce,
+                    look.soil_mottle,
+                    look.sand,
+                    look.grain,
+                ]
+            ),
             scene.seed,
             light,
         )

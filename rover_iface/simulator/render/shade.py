@@ -9,7 +9,16 @@ import numpy.typing as npt
 from numba import njit
 
 from rover_iface.cameras.kernels import back_project_one
-from rover_iface.simulator.render.texture import gravel, scramble, soil, stone
+from rover_iface.simulator.render.texture import (
+    DRIFT_QUIET,
+    DRIFT_TINT,
+    drift,
+    grains,
+    gravel,
+    scramble,
+    soil,
+    stone,
+)
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
@@ -114,15 +123,19 @@ def radiance(
 ) -> None:
     """Fill the radiance of each ray, in units where a white level plate in full sun has 1.
 
-    `parameters`: soil slope, stone slope, stone mottle, extra light from the ground. Photometry is
-    Lunar-Lambert (McEwen 1996), `limb` its weight.
+    `parameters`: soil slope, stone slope, stone mottle, extra light from the ground, factor on the soil's
+    brightness, share of the ground under sand, brightness of unresolved grains. Photometry is Lunar-Lambert
+    (McEwen 1996), `limb` its weight.
 
     Of n rays: `tfar` (m), `prim`, `base`, `loose`, `lit` and `out` [n], `directions`, `points` and `normal`
     [n, 3], as `surface` fills them; site axes. `objects` [triangles] is the body of each, `materials`
     [bodies]; `origin` [3], m, is that of the points, `sun` [3] the unit direction to the sun; `parameters`
-    [4].
+    [7], or [4] for soil without sand.
     """
     soil_slope, stone_slope, mottle, bounce = parameters[0], parameters[1], parameters[2], parameters[3]
+    soil_mottle, sand, grain = 1.0, 0.0, 0.0
+    if parameters.shape[0] > 4:
+        soil_mottle, sand, grain = parameters[4], parameters[5], parameters[6]
     level = math.sqrt(max(1e-9, sun[0] * sun[0] + sun[1] * sun[1]))
     sun_x, sun_y = sun[0] / level, sun[1] / level
     sun_slope = max(0.05, sun[2] / level)
@@ -141,8 +154,18 @@ def radiance(
         gx, gy, gz, tint, shade = 0.0, 0.0, 0.0, 0.0, float(1.0 - lit[n])
         if material == 0:
             tint, gx, gy = soil(x, y, footprint, soil_slope, seed)
-            if loose[n] > 0.0:
-                t, hx, hy, s = gravel(x, y, footprint, loose[n], sun_x, sun_y, sun_slope, seed + 101)
+            tint *= soil_mottle
+            stones = float(loose[n])
+            if sand > 0.0:
+                deep = drift(x, y, footprint, sand, seed + 707)
+                tint = tint * (1.0 - DRIFT_QUIET[0] * deep) + DRIFT_TINT * deep
+                gx *= 1.0 - DRIFT_QUIET[1] * deep
+                gy *= 1.0 - DRIFT_QUIET[1] * deep
+                stones *= 1.0 - DRIFT_QUIET[2] * deep
+            if grain > 0.0:
+                tint += grain * grains(x, y, footprint, seed + 911)
+            if stones > 0.0:
+                t, hx, hy, s = gravel(x, y, footprint, stones, sun_x, sun_y, sun_slope, seed + 101)
                 tint += t
                 gx += hx
                 gy += hy

@@ -32,6 +32,20 @@ def _turns(angles: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
     return np.column_stack((np.cos(angles), np.sin(angles)))
 
 
+DRIFT_WAVE = 1.3, 0.47, 0.17
+"""Lattices of the noise that says where sand lies, m: drifts as long as a rock field's gaps, down to the
+lee of a stone; not multiples of each other, or of the soil's, else their cells line up."""
+
+DRIFT_EDGE = 0.3
+"""Width of a drift's edge in that noise: it thins out over a few centimetres of the finest lattice."""
+
+DRIFT_QUIET = 0.6, 0.3, 0.9
+"""What sand takes of the soil's brightness, of its slopes and of its loose stones: with more, patches were
+more sharply parted into quiet and rough than those of Mars frames (`studies/picture_page.py`, kurtosis)."""
+
+DRIFT_TINT = 0.07
+"""By how much sand is brighter than the soil around; by eye, after Spirit's Pancam frame."""
+
 SOIL_WAVE = 1.28 * 0.5 ** np.arange(12)
 SOIL_TURN = _turns(1.1 * np.arange(12))
 SOIL_TINT = np.where(SOIL_WAVE > 0.3, 0.03, np.where(SOIL_WAVE > 0.05, 0.05, 0.12))
@@ -125,6 +139,42 @@ def soil(x: float, y: float, footprint: float, slope: float, salt: int) -> tuple
         hx += steep * (c * gu - s * gv)
         hy += steep * (s * gu + c * gv)
     return tint, hx, hy
+
+
+@njit(cache=True, nogil=True)
+def drift(x: float, y: float, footprint: float, cover: float, salt: int) -> float:
+    """Return how deep sand lies over the soil at a point (m): 0 none, 1 all of it hidden.
+
+    About a share `cover` of the ground is under sand; waves narrower than the pixel's `footprint` (m) fade.
+    """
+    n, weight = 0.0, 1.0
+    for level in range(3):
+        keep = fade(DRIFT_WAVE[level], footprint)
+        if keep <= 0.0:
+            break
+        c, s = SOIL_TURN[level + 4, 0], SOIL_TURN[level + 4, 1]
+        wavelength = DRIFT_WAVE[level]
+        value, _, _ = noise2((c * x + s * y) / wavelength, (c * y - s * x) / wavelength, salt + level)
+        n += keep * weight * value
+        weight *= 0.62
+    t = min(1.0, max(0.0, (n + 1.6 * (cover - 0.5)) / DRIFT_EDGE + 0.5))
+    return t * t * (3.0 - 2.0 * t)
+
+
+@njit(cache=True, nogil=True)
+def grains(x: float, y: float, footprint: float, salt: int) -> float:
+    """Return noise, about -1 to 1, at x, y (m) of grains that a pixel of `footprint` (m) does not resolve.
+
+    Two lattices of powers of two pass into each other as the footprint grows; their cells are 1.2 pixels wide
+    where one stands alone.
+    """
+    scale = math.log2(footprint)
+    level = math.floor(scale)
+    t = scale - level
+    cell = 1.2 * 2.0**level
+    near, _, _ = noise2(x / cell, y / cell, salt + int(level))
+    far, _, _ = noise2(0.5 * x / cell, 0.5 * y / cell, salt + int(level) + 1)
+    return ((1.0 - t) * near + t * far) / math.sqrt((1.0 - t) * (1.0 - t) + t * t)
 
 
 @njit(cache=True, nogil=True)

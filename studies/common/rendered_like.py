@@ -1,0 +1,72 @@
+"""Rendered pictures with the camera, the place over the ground and, where known, the sun of a real frame."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from rover_iface.frames import Transform
+from rover_iface.simulator.render.from_terrain import scene_from_terrain
+from rover_iface.simulator.render.renderer import Look, Renderer, Sun
+from rover_iface.terrain.generate import generate_terrain
+from studies.common.real_frames import View
+
+Grey = npt.NDArray[np.float32]
+Mask = npt.NDArray[np.bool_]
+SIZE_M, INNER_M = 36.0, 18.0
+"""Extent of the ground, whose posts are 25 cm apart, and of its middle, where they are 5 cm apart."""
+
+FAR_M = 16.0
+"""Ground beyond is not measured: little of it is left before the terrain ends."""
+
+ROCK_COVERS = 0.03, 0.12
+"""Range that the share of rock is drawn from (Golombek and Rapp's sites have 3 to 20 %)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rendered:
+    """A rendered picture, its ground where the real frame's ground is, and the seed of its terrain."""
+
+    image: Grey
+    ground: Mask
+    seed: int
+
+
+def rendered_like(view: View, seed: int, looks: Mapping[str, Look]) -> dict[str, Rendered]:
+    """Return pictures of one generated ground from where the real frame was taken, one for each look.
+
+    The terrain, its share of rock, the rover's heading and what is not known of the sun follow from `seed`.
+    Grey is coded as the real frame's is: linear, or by a square root in 8 bits.
+    """
+    rng = np.random.default_rng([seed, 0x91C7])
+    terrain = generate_terrain(seed, SIZE_M, inner_m=INNER_M, rock_cover=float(rng.uniform(*ROCK_COVERS)))
+    heading = float(rng.uniform(0.0, math.tau))
+    behind = float(rng.uniform(-0.75, 0.75)) * math.pi
+    stand = Transform.from_rpy(0.0, 0.0, heading, (0.0, 0.0, terrain.height_at(0.0, 0.0)))
+    sun = view.sun or _drawn_sun(view, behind)
+    east, north, up = (float(v) for v in stand.rotate(np.array(sun.direction)))
+    site_sun = Sun((east, north, up), sun.opacity)
+    # as the simulated rovers see it, with the far ground left out
+    scene = scene_from_terrain(terrain, radius_m=12.0, far_m=40.0, seed=seed)
+    found = {}
+    for name, look in looks.items():
+        frame = Renderer(scene, look=look).render(view.camera, stand, site_sun, seed=seed)
+        image = frame.image if view.linear else frame.image8
+        seen = (frame.truth.object_index >= 0) & (frame.truth.range_m < FAR_M)
+        found[name] = Rendered(image.astype(np.float32), view.ground & seen, seed)
+    return found
+
+
+def _drawn_sun(view: View, azimuth_rad: float) -> Sun:
+    """Return a sun in rover axes, `azimuth_rad` from straight behind the camera."""
+    guess = view.frame.guess
+    # early afternoon of the label of Perseverance's frame
+    height, opacity = (
+        (math.radians(60.0), 0.45) if guess is None else (guess.sun_elevation_rad, guess.opacity)
+    )
+    level = -math.cos(height)
+    return Sun((level * math.cos(azimuth_rad), level * math.sin(azimuth_rad), math.sin(height)), opacity)
