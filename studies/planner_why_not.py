@@ -9,9 +9,9 @@ was tuned on these days. With the factor that is told or a hundredth more the be
 observation, and with a hundredth less the best must not: either may be off by `TIE` of the value, within
 which values without sampling are exact, as leads of some orders hardly change over a tenth of a budget.
 
-All orders are ranked in drawn futures by plain numpy (`all_orders`), which shares no code with why-not, and
-the best are valued by the evaluator. Each day has draws of its own; results are written after each, and a run
-that was ended goes on with `--resume`.
+All orders are ranked in drawn futures by a count written from the definition (`all_orders`), which shares no
+code with why-not, and the best are valued by the evaluator. Each day has draws of its own; results are
+written after each, and a run that was ended goes on with `--resume`.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ from studies.common.all_orders import AllOrders
 from studies.common.planner_days import day
 from tests.planner.examples import visits
 
-RANKED = {5: 4_096, 6: 2_048}
-FEWEST = 512
+RANKED = {5: 16_384, 6: 8_192}
+FEWEST = 1_024
 """Futures in which all orders are ranked, by the number of targets, and where there are more: as many as take
-a second or two; differences are off by 0.5 % in the fewest.
+a second or two; differences are off by a third of a per cent in the fewest.
 """
-FINAL, BEHIND = 24, 0.02
+FINAL, BEHIND = 24, 0.015
 """How many of the best are valued again, and the share of the value behind which none is: four times as much
 as differences are off by.
 """

@@ -1,4 +1,4 @@
-"""The compiled values of orders are those of the evaluator; plain numpy and drawn futures agree."""
+"""The compiled values of orders are those of the evaluator; all orders counted and drawn futures agree."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_the_best_order_is_that_of_the_evaluator_though_few_are_asked_of_its_gri
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_all_orders_by_plain_numpy_are_worth_what_grids_say(seed: int) -> None:
+def test_all_orders_that_are_counted_are_worth_what_grids_say(seed: int) -> None:
     problem = day(np.random.default_rng(seed), least=4, most=4)
     values, futures = OrderValues(Model.of(problem)), 20_000
     worths = AllOrders(problem, futures, seed=seed).worths()
