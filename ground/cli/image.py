@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ground.cli.failure import fail
+from ground.cli.geo_group.calibrate import calibrate
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -21,6 +22,7 @@ DARKEST, BRIGHTEST = 1.0, 99.0
 def register(app: typer.Typer) -> None:
     """Add the group to the program."""
     app.add_typer(image)
+    image.command()(calibrate)
 
 
 @image.callback()

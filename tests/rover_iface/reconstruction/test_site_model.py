@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from mission.codec import Codec
-from rover_iface.cameras.calibrated import CALIBRATIONS
+from rover_iface.cameras.calibrated import CALIBRATIONS, PARAMETERS, CalibratedCamera, CalibratedPair
 from rover_iface.cameras.model import pinhole
 from rover_iface.cameras.panorama import load_panorama
 from rover_iface.frames import Transform
@@ -192,3 +192,28 @@ def test_a_real_pair_keeps_its_rows_and_ranges_most_of_the_ground(tmp_path: Path
 def test_the_published_schema_is_that_of_the_code(codec: Codec[Any], name: str) -> None:
     published = json.loads((ROOT / f"docs/formats/{name}.schema.json").read_text(encoding="utf-8"))
     assert published == json.loads(json.dumps(codec.schema()))
+
+
+def test_the_error_of_a_calibration_is_carried_into_heights(tmp_path: Path) -> None:
+    folder = devon_folder(shared("data/imagery"), tmp_path, 1)
+    text = (folder / "pairs.toml").read_text()
+    start, end = text.index("[rig.pinhole]"), text.index("[[pairs]]")
+    (folder / "pairs.toml").write_text(text[:start] + '[rig]\ncalibration = "stereo.json"\n' + text[end:])
+    focal, principal = (968.999694824, 968.999694824), (635.139038086, 463.537109375)
+    baseline, sigma = 0.239977002, 0.004
+    covariance = np.zeros((len(PARAMETERS), len(PARAMETERS)))
+    covariance[PARAMETERS.index("shift.x"), PARAMETERS.index("shift.x")] = sigma**2
+    pair = CalibratedPair(
+        CalibratedCamera(1280, 960, focal, principal),
+        CalibratedCamera(1280, 960, focal, principal, center_m=(baseline, 0.0, 0.0)),
+        tuple(tuple(float(v) for v in row) for row in covariance),
+    )
+    (folder / "stereo.json").write_text(CALIBRATIONS.write(pair))
+    surface = reconstruct(folder).surfaces[0]
+    plain = reconstruct(devon_folder(shared("data/imagery"), tmp_path / "plain", 1)).surfaces[0]
+    places = surface.points[np.isfinite(surface.disparities)][::5000]
+    flat = np.zeros((len(places), 2))
+    more = surface.height_variance(places, flat) - plain.height_variance(places, flat)
+    # a baseline that is longer by a share makes all ranges longer by that share
+    told = ((places[:, 2] - surface.eye.C[2]) * sigma / baseline) ** 2
+    assert np.median(np.abs(more / told - 1.0)) < 0.03
