@@ -11,6 +11,7 @@ import typer
 
 from ground.cli.failure import fail, refusals
 from ground.cli.geo_group.align import align
+from ground.cli.geo_group.relocalize import relocalize
 
 if TYPE_CHECKING:
     from rover_iface.localization.ground_points import GroundPoints
@@ -24,6 +25,7 @@ def register(app: typer.Typer) -> None:
     app.command("localize")(localize)
     app.command("sites")(sites)
     app.command("align")(align)
+    app.command("relocalize")(relocalize)
 
 
 def localize(
