@@ -25,7 +25,7 @@ _BITS = 44  # all prizes together are 2^44 units of a bound: 2^50 is the most of
 _LARGEST = 1 << 50
 _UNUSED = 1e-9  # multiplier that counts as none
 _CLP = 1.6  # times a pivot's row of the tally, measured on four files of 70 to 150 nodes
-_HANDED = 25.0  # rows of a pivot that take as long as handing over one value
+_HANDED = 58.0  # rows of a pivot that take as long as the work on one value beside it, on five small files
 _PENALTY = 4.0  # of a row that cannot hold, in prizes of all nodes together
 
 

@@ -60,14 +60,13 @@ def _proven(p: RoutingProblem, found: RoutingSolution, until: float, seed: int) 
     m = SurveyMap.of(p)
     tours = tours_of(p)
     rng = np.random.default_rng(np.random.SeedSequence([seed, 11]))
-    heat = 0.1 * float(m.prize[m.usable].mean())
 
     def polish(visits: Array) -> tuple[int, tuple[int, ...]]:
         full = np.zeros(m.nodes)
         full[: tours.nodes] = visits
         order = m.usable[np.argsort(-full[m.usable], kind="stable")]
         route = m.first_route(order[full[order] > 0.0])
-        best, value, _ = m.improve(route, _POLISH, heat, int(rng.integers(1, 2**62)))
+        best, value = m.improve(route, _POLISH, int(rng.integers(1, 2**62)))
         return value, tuple(best[1:-1].tolist())
 
     tour = tuple(i + 1 for i in found.route)

@@ -1,7 +1,9 @@
-"""Compiled loops of the survey search: ruin, rebuild, shorten, accept.
+"""Compiled annealing of one survey tour: take out, put in, shorten, accept.
 
-A tour is an array of nodes with fixed ends; `at` gives each node's place in it, -1 when it is not in it.
-`near` (n, K) lists nodes that may be visited, nearest first, -1 as filler. Lengths and prizes are integers.
+Length has a price in prize: a step takes out strings of neighbouring nodes, puts back what is worth its
+detour, and is accepted on prize less price times length. The price follows the length, so that the tour
+stays about as long as the budget and each corner of the map is improved by itself. What is kept is the best
+tour within the budget.
 """
 
 from __future__ import annotations
@@ -13,295 +15,201 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from planner.orienteering.tour_kernels import KINDS, MOVED, OFFER, cheapest, random, shorten
+
 Array = npt.NDArray[Any]
 
-_SHORTEN = 10  # neighbours looked at by 2-opt and or-opt
-_STRING = 16  # longest string taken out
-_PROBES = 6  # random places of the tour whose neighbours are offered besides those of the holes
+# Set by hand on the tuning files that docs/results/orienteering.md names, as are the numbers of `survey`.
+_STRING = 6  # longest string taken out: of 4 to 16, the least gap after 1 s
+_STRINGS = 3  # most strings taken out in a step
+_HOLES = 8  # places of the tour beside a hole whose neighbours are offered
 _OFFERED = 8  # neighbours offered at such a place
+_OVER = 0.05  # of the budget by which a tour may be longer for a while
+_FOLLOW = 20.0  # of the price to what the tour is longer than the budget, as a share: 1 % longer, 1.2 times
+_DRIFT = 0.02  # of the price at each of its updates, for the same
+_EVERY = 16  # steps between two updates of price and temperature
+_DOUBT = 0.2  # random part of the price at which one node is put in
+_NOISE = 0.4  # most random part of the order in which nodes are put in
+_LEAST = 1e-9  # price of length, in mean prize over budget: where everything fits, length costs nothing
 
 
 @numba.njit(cache=True, nogil=True)
-def _random(state: Array) -> float:
-    """Return a uniform number in [0, 1): splitmix64."""
-    state[0] += np.uint64(0x9E3779B97F4A7C15)
-    z = state[0]
-    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    z ^= z >> np.uint64(31)
-    return float(z >> np.uint64(11)) / 9007199254740992.0
-
-
-@numba.njit(cache=True, nogil=True)
-def _reverse(tour: Array, at: Array, lo: int, hi: int) -> None:
-    while lo < hi:
-        tour[lo], tour[hi] = tour[hi], tour[lo]
-        at[tour[lo]] = lo
-        at[tour[hi]] = hi
-        lo += 1
-        hi -= 1
-
-
-@numba.njit(cache=True, nogil=True)
-def _move(tour: Array, at: Array, lo: int, hi: int, place: int, flip: bool) -> None:
-    """Move tour[lo..hi] behind the node at `place` (< lo - 1 or > hi)."""
-    if flip:
-        _reverse(tour, at, lo, hi)
-    if place > hi:  # rotate [lo..hi][hi+1..place] by three reversals
-        _reverse(tour, at, lo, place)
-        middle = lo + place - hi
-        _reverse(tour, at, lo, middle - 1)
-        _reverse(tour, at, middle, place)
-    else:  # rotate [place+1..lo-1][lo..hi]
-        _reverse(tour, at, place + 1, hi)
-        middle = place + 1 + hi - lo + 1
-        _reverse(tour, at, place + 1, middle - 1)
-        _reverse(tour, at, middle, hi)
-
-
-@numba.njit(cache=True, nogil=True)
-def _better_at(d: Array, tour: Array, size: int, near: Array, at: Array, a: int, ends: Array) -> int:
-    """Apply the first improving 2-opt or or-opt move at node a; return the change, nodes touched in ends."""
-    i = at[a]
-    width = min(_SHORTEN, near.shape[1])
-    if i < size - 1:
-        b = tour[i + 1]
-        ab = d[a, b]
-        for q in range(width):
-            c = near[a, q]
-            if c < 0 or d[a, c] >= ab:
-                break
-            j = at[c]
-            if j < 0 or j >= size - 1:
+def _take_out(
+    near: Array, tour: Array, at: Array, size: int, state: Array, gone: Array, out: Array
+) -> tuple[int, int, int, int]:
+    """Take strings round a random node out of a tour; return its size, how many, first and last place."""
+    width = near.shape[1]
+    centre = tour[1 + int(random(state) * (size - 2))]
+    longest = min(_STRING, max(1, (size - 2) // 2))
+    first, last = size, 0
+    for c in range(1 + int(random(state) * _STRINGS)):
+        pick = at[centre]
+        if c > 0:
+            v = near[centre, int(random(state) * width)]
+            if v < 0 or at[v] < 0:
                 continue
-            e = tour[j + 1]
-            delta = d[a, c] + d[b, e] - ab - d[c, e]
-            if delta < 0:
-                _reverse(tour, at, min(i, j) + 1, max(i, j))
-                ends[0], ends[1], ends[2], ends[3] = a, b, c, e
-                return delta
-    if i > 0:
-        b = tour[i - 1]
-        ab = d[a, b]
-        for q in range(width):
-            c = near[a, q]
-            if c < 0 or d[a, c] >= ab:
-                break
-            j = at[c]
-            if j <= 0:
-                continue
-            e = tour[j - 1]
-            delta = d[a, c] + d[b, e] - ab - d[c, e]
-            if delta < 0:
-                _reverse(tour, at, min(i, j), max(i, j) - 1)
-                ends[0], ends[1], ends[2], ends[3] = a, b, c, e
-                return delta
-    if i == 0 or i == size - 1:
-        return 0
-    for side in range(2):  # the string runs from a onwards or up to a; a will be next to c
-        for run in range(1, 4):
-            lo = i if side == 0 else i - run + 1
-            hi = i + run - 1 if side == 0 else i
-            if lo < 1 or hi > size - 2 or (side == 1 and run == 1):
-                break
-            before, after = tour[lo - 1], tour[hi + 1]
-            other = tour[hi] if side == 0 else tour[lo]
-            out = d[before, tour[lo]] + d[tour[hi], after] - d[before, after]
-            if out <= 0:
-                continue
-            for q in range(width):
-                c = near[a, q]
-                if c < 0 or d[a, c] >= out:
-                    break
-                j = at[c]
-                if j < 0 or lo <= j <= hi:
-                    continue
-                if j != lo - 1 and j < size - 1:  # between c and the one behind it: c, a, .., other, e
-                    e = tour[j + 1]
-                    delta = d[c, a] + d[other, e] - d[c, e] - out
-                    if delta < 0:
-                        _move(tour, at, lo, hi, j, side == 1)
-                        ends[0], ends[1], ends[2], ends[3] = before, after, c, e
-                        return delta
-                if j != hi + 1 and j > 0:  # between the one before c and c: e, other, .., a, c
-                    e = tour[j - 1]
-                    delta = d[a, c] + d[e, other] - d[e, c] - out
-                    if delta < 0:
-                        _move(tour, at, lo, hi, j - 1, side == 0)
-                        ends[0], ends[1], ends[2], ends[3] = before, after, c, e
-                        return delta
-    return 0
+            pick = at[v]
+        run = 1 + int(random(state) * longest)
+        low = max(1, pick - int(random(state) * run))
+        high = min(size - 1, low + run)
+        for i in range(low, high):
+            gone[tour[i]] = True
+        first, last = min(first, low), max(last, high)
+    count, k = 0, first
+    for i in range(first, size):
+        v = tour[i]
+        if gone[v]:
+            gone[v] = False
+            at[v] = -1
+            out[count] = v
+            count += 1
+        else:
+            tour[k] = v
+            at[v] = k
+            k += 1
+    return k, count, first, last
 
 
 @numba.njit(cache=True, nogil=True)
-def _shorten(
-    d: Array, tour: Array, size: int, near: Array, at: Array, queue: Array, waits: Array, count: int
-) -> int:
-    """Shorten tour[:size] from the `count` nodes in `queue` on; return the change of length."""
-    ends = np.empty(4, np.int64)
-    room = len(queue)
-    head, change = 0, 0
-    while count > 0:
-        a = queue[head]
-        head = (head + 1) % room
-        count -= 1
-        waits[a] = False
-        if at[a] < 0:
-            continue
-        while True:
-            delta = _better_at(d, tour, size, near, at, a, ends)
-            if delta == 0:
-                break
-            change += delta
-            for v in ends:
-                if v != a and not waits[v]:
-                    waits[v] = True
-                    queue[(head + count) % room] = v
-                    count += 1
-    return change
-
-
-@numba.njit(cache=True, nogil=True)
-def _cheapest(d: Array, tour: Array, size: int, near: Array, at: Array, v: int) -> tuple[int, int]:
-    """Return the node behind which v is put in at least cost, and the cost; looks beside v's neighbours."""
-    place, extra, seen = -1, 0, 0
-    if size <= 12:
-        for i in range(size - 1):
-            e = d[tour[i], v] + d[v, tour[i + 1]] - d[tour[i], tour[i + 1]]
-            if place < 0 or e < extra:
-                place, extra = tour[i], e
-        return place, extra
-    for q in range(near.shape[1]):
-        w = near[v, q]
-        if w < 0:
+def _close(
+    d: Array, tour: Array, trial: Array, size: int, first: int, last: int, queue: Array, waits: Array
+) -> tuple[int, int]:
+    """Return the change of length where strings were taken out, and how many nodes beside holes wait."""
+    change, waiting, j = 0, 0, first - 1
+    for i in range(first - 1, size - 1):
+        if j >= last:
             break
-        i = at[w]
-        if i < 0:
+        a, b = trial[i], trial[i + 1]
+        if tour[j + 1] == b:
+            j += 1
             continue
-        seen += 1
-        if i > 0:
-            b = tour[i - 1]
-            e = d[b, v] + d[v, w] - d[b, w]
-            if place < 0 or e < extra:
-                place, extra = b, e
-        if i < size - 1:
-            b = tour[i + 1]
-            e = d[w, v] + d[v, b] - d[w, b]
-            if place < 0 or e < extra:
-                place, extra = w, e
-        if seen >= 5:
-            break
-    for i in (0, size - 2):  # the ends are no one's neighbours
-        e = d[tour[i], v] + d[v, tour[i + 1]] - d[tour[i], tour[i + 1]]
-        if place < 0 or e < extra:
-            place, extra = tour[i], e
-    return place, extra
+        change += d[a, b]
+        while tour[j] != b:
+            change -= d[tour[j], tour[j + 1]]
+            j += 1
+        for w in (a, b):
+            if not waits[w]:
+                waits[w] = True
+                queue[waiting] = w
+                waiting += 1
+    return change, waiting
 
 
 @numba.njit(cache=True, nogil=True)
 def _rebuild(
     d: Array,
-    prize: Array,
-    budget: int,
+    near: Array,
+    limit: int,
     tour: Array,
+    at: Array,
     size: int,
     length: int,
-    at: Array,
-    near: Array,
     offered: Array,
     count: int,
-    power: float,
-    noise: float,
+    appeal: Array,
+    most: Array,
     small: float,
-    state: Array,
+    after: Array,
+    extra: Array,
+    score: Array,
     queue: Array,
     waits: Array,
     waiting: int,
-) -> tuple[int, int, int, int]:
-    """Put offered nodes in, best noisy prize against detour first; return size, length, gain, waiting."""
-    after = np.empty(count, np.int64)
-    extra = np.empty(count, np.int64)
-    appeal = np.empty(count, np.float64)
+    work: Array,
+) -> tuple[int, int, int]:
+    """Put offered nodes in, best appeal against detour first, none at more than `most` of it.
+
+    Returns size and length of the tour and how many nodes wait to be shortened.
+    """
     for c in range(count):
         v = offered[c]
-        appeal[c] = float(prize[v]) ** power * (1.0 + noise * (2.0 * _random(state) - 1.0))
-        after[c], extra[c] = _cheapest(d, tour, size, near, at, v)
-    won = 0
+        score[c] = -1.0
+        if at[v] < 0:
+            after[c], extra[c] = cheapest(d, tour, size, near, at, v, work)
+            score[c] = appeal[c] / (max(extra[c], 0) + small)
     while True:
         best, best_score = -1, 0.0
+        work[OFFER] += count
         for c in range(count):
-            v = offered[c]
-            if at[v] >= 0 or length + extra[c] > budget:
-                continue
-            score = appeal[c] / (max(extra[c], 0) + small)
-            if score > best_score:
-                best, best_score = c, score
+            if score[c] > best_score and extra[c] <= most[c] and length + extra[c] <= limit:
+                best, best_score = c, score[c]
         if best < 0:
-            return size, length, won, waiting
+            return size, length, waiting
         v, a = offered[best], after[best]
         i = at[a]
         b = tour[i + 1]
+        work[MOVED] += size - i
         for k in range(size, i + 1, -1):
-            tour[k] = tour[k - 1]
-            at[tour[k]] = k
+            w = tour[k - 1]
+            tour[k] = w
+            at[w] = k
         tour[i + 1] = v
         at[v] = i + 1
         size += 1
         length += extra[best]
-        won += prize[v]
+        score[best] = -1.0
         for w in (a, v, b):
             if not waits[w]:
                 waits[w] = True
                 queue[waiting] = w
                 waiting += 1
+        av, vb = d[a, v], d[v, b]
         for c in range(count):
-            w = offered[c]
-            if at[w] >= 0:
+            if score[c] < 0.0:
                 continue
+            w = offered[c]
             if after[c] == a:  # its place is gone
-                after[c], extra[c] = _cheapest(d, tour, size, near, at, w)
+                after[c], extra[c] = cheapest(d, tour, size, near, at, w, work)
             else:
-                one = d[a, w] + d[w, v] - d[a, v]
-                two = d[v, w] + d[w, b] - d[v, b]
-                if one < extra[c]:
-                    after[c], extra[c] = a, one
-                if two < extra[c]:
-                    after[c], extra[c] = v, two
+                one, two = d[a, w] + d[v, w] - av, d[v, w] + d[b, w] - vb
+                if min(one, two) >= extra[c]:
+                    continue
+                after[c], extra[c] = (a, one) if one <= two else (v, two)
+            score[c] = appeal[c] / (max(extra[c], 0) + small)
 
 
 @numba.njit(cache=True, nogil=True)
-def search(
+def anneal(
     d: Array,
     prize: Array,
     near: Array,
     budget: int,
     route: Array,
+    heat: Array,
+    price: Array,
+    state: Array,
     steps: int,
-    heat: float,
-    seed: int,
-    usable: Array,
-) -> tuple[Array, int, Array]:
-    """Return the best tour of so many steps, its prize, and the tour at the end.
+    most: float,
+    weight: Array,
+) -> tuple[Array, int, float]:
+    """Return the best tour within the budget, the steps done and what they cost.
 
     Parameters
     ----------
-    d, prize
-        Lengths (n, n), integers in the unit of `budget`, and prizes (n,); the tour runs from node 0 to node n
-        - 1.
+    d, prize, near
+        Lengths (n, n), integers in the unit of `budget`; prizes (n,); neighbours (n, K) as in `tour_kernels`.
+        The tour runs from node 0 to node n - 1.
     route
         Tour (k,) to begin with, nodes by number, within the budget.
     heat
-        Temperature of the annealing, in prize units.
-    usable
-        Nodes (m,) that may be visited; `near` (n, K) as in the module.
+        First and last temperature (2,), in prize units.
+    price
+        Of length (1,), in prize; moved on.
+    state
+        Of the random numbers (1,); moved on.
+    steps, most
+        Where it ends: so many steps, or work that costs so much.
+    weight
+        Cost (KINDS,) of each kind of work.
     """
     n, width = len(d), near.shape[1]
-    state = np.array([np.uint64(seed)])
+    work = np.zeros(KINDS, np.int64)
     tour, trial, best = np.empty(n + 1, np.int64), np.empty(n + 1, np.int64), np.empty(n + 1, np.int64)
     at = np.full(n, -1, np.int64)
     size, length, value = len(route), 0, 0
     for i in range(size):
-        tour[i] = route[i]
+        tour[i] = trial[i] = route[i]
+        at[route[i]] = i
         value += prize[route[i]]
         if i:
             length += d[route[i - 1], route[i]]
@@ -310,115 +218,99 @@ def search(
     offered = np.empty(n, np.int64)
     marked = np.full(n, -1, np.int64)
     queue = np.empty(4 * n + 8, np.int64)
-    waits = np.zeros(n, np.bool_)
-    gone = np.zeros(n, np.bool_)
-    everything = len(usable) <= 60
-    worth = value / max(1, length)
-    for step in range(steps):
-        if step % 64 == 0:
-            worth = (0.1 + 0.5 * _random(state)) * max(value, 1) / max(1, budget)
-        m = size
-        for i in range(m):
-            trial[i] = tour[i]
-            at[tour[i]] = i
-        # take out strings round a random node
-        count = waiting = 0
-        t_value = value
+    waits, gone = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
+    after, extra = np.empty(n, np.int64), np.empty(n, np.int64)
+    score, appeal, dearest = np.empty(n), np.empty(n), np.empty(n)
+    limit = int(budget * (1.0 + _OVER))
+    least = _LEAST * heat[0] / max(1, budget)
+    cooling = math.log(heat[1] / heat[0])
+    now, warm, spent = price[0], heat[0], 0.0
+    step = 0
+    while step < steps:
+        if step % _EVERY == 0:
+            spent = 0.0
+            for k in range(KINDS):
+                spent += work[k] * weight[k]
+            if spent >= most:
+                break
+            warm = heat[0] * math.exp(cooling * max(step / steps, spent / most))
+            over = length / max(1, budget) - 1.0
+            price[0] = max(least, price[0] * math.exp(_DRIFT * over))
+            now = price[0] * math.exp(_FOLLOW * over)
+        step += 1
+        m, m_length, count, waiting = size, length, 0, 0
         if m > 2:
-            centre = trial[1 + int(_random(state) * (m - 2))]
-            longest = min(_STRING, max(1, (m - 2) // 2))
-            for c in range(1 + int(_random(state) * 3)):
-                pick = at[centre]
-                if c > 0:
-                    v = near[centre, int(_random(state) * width)]
-                    if v < 0 or at[v] < 0:
-                        continue
-                    pick = at[v]
-                run = 1 + int(_random(state) * longest)
-                low = max(1, pick - int(_random(state) * run))
-                for i in range(low, min(m - 1, low + run)):
-                    gone[trial[i]] = True
-            k = 1
-            for i in range(1, m):
-                v = trial[i]
-                if i < m - 1 and gone[v]:
-                    gone[v] = False
-                    at[v] = -1
-                    t_value -= prize[v]
-                    if marked[v] != step:
-                        marked[v] = step
-                        offered[count] = v
-                        count += 1
-                    for w in (trial[k - 1], trial[i + 1]):
-                        if not waits[w] and not gone[w]:
-                            waits[w] = True
-                            queue[waiting] = w
-                            waiting += 1
-                    continue
-                trial[k] = v
-                at[v] = k
-                k += 1
-            m = k
-        t_length = 0
-        for i in range(1, m):
-            t_length += d[trial[i - 1], trial[i]]
-        # offer what was taken out, what is near the holes, and what is near a few random places
-        if everything:
-            count = 0
-            for v in usable:
-                if at[v] < 0:
+            m, count, first, last = _take_out(near, trial, at, m, state, gone, offered)
+            change, waiting = _close(d, tour, trial, m, first, last, queue, waits)
+            m_length += change
+        else:  # a tour of nothing has two ends and no hole
+            queue[0], queue[1], waiting = 0, n - 1, 2
+            waits[0] = waits[n - 1] = True
+        for c in range(count):
+            marked[offered[c]] = step
+        for p in range(min(waiting, _HOLES)):
+            for q in range(min(width, _OFFERED)):
+                v = near[queue[p], q]
+                if v >= 0 and at[v] < 0 and marked[v] != step:
+                    marked[v] = step
                     offered[count] = v
                     count += 1
-        else:
-            for p in range(min(waiting, 8) + _PROBES):
-                a = queue[p] if p < min(waiting, 8) else trial[int(_random(state) * m)]
-                for q in range(min(width, _OFFERED)):
-                    v = near[a, q]
-                    if v >= 0 and at[v] < 0 and marked[v] != step:
-                        marked[v] = step
-                        offered[count] = v
-                        count += 1
-        power, noise = 0.5 + 1.5 * _random(state), 0.4 * _random(state)
+        power, noise = 0.5 + 1.5 * random(state), _NOISE * random(state)
         small = 0.02 * budget / m + 1e-9
+        for c in range(count):
+            worth = float(prize[offered[c]])
+            appeal[c] = worth**power * (1.0 + noise * (2.0 * random(state) - 1.0))
+            dearest[c] = worth / now * (1.0 + _DOUBT * (2.0 * random(state) - 1.0))
         for turn in range(4):
             before = m
-            m, t_length, won, waiting = _rebuild(
+            m, m_length, waiting = _rebuild(
                 d,
-                prize,
-                budget,
-                trial,
-                m,
-                t_length,
-                at,
                 near,
+                limit,
+                trial,
+                at,
+                m,
+                m_length,
                 offered,
                 count,
-                power,
-                noise,
+                appeal,
+                dearest,
                 small,
-                state,
+                after,
+                extra,
+                score,
                 queue,
                 waits,
                 waiting,
+                work,
             )
-            t_value += won
             if turn > 0 and m == before:
                 break
-            change = _shorten(d, trial, m, near, at, queue, waits, waiting)
+            change = shorten(d, trial, m, near, at, queue, waits, waiting, work)
             waiting = 0
-            t_length += change
+            m_length += change
             if change == 0:
                 break
-        delta = (t_value - value) - worth * (t_length - length)
-        if delta >= 0 or _random(state) < math.exp(delta / heat):
-            for i in range(size):
-                at[tour[i]] = -1
-            size, value, length = m, t_value, t_length
+        m_value = 0
+        for i in range(m):
+            m_value += prize[trial[i]]
+        if m_length <= budget and (
+            m_value > best_value or (m_value == best_value and m_length < best_length)
+        ):
+            best_size, best_value, best_length = m, m_value, m_length
+            best[:m] = trial[:m]
+        work[MOVED] += size + m
+        delta = (m_value - value) - now * (m_length - length)
+        if delta >= 0 or random(state) < math.exp(delta / warm):
+            size, value, length = m, m_value, m_length
             tour[:m] = trial[:m]
-            if value > best_value or (value == best_value and length < best_length):
-                best_size, best_value, best_length = m, value, length
-                best[:m] = trial[:m]
         else:
             for i in range(m):
                 at[trial[i]] = -1
-    return best[:best_size].copy(), best_value, tour[:size].copy()
+            for i in range(size):
+                trial[i] = tour[i]
+                at[tour[i]] = i
+    spent = 0.0
+    for k in range(KINDS):
+        spent += work[k] * weight[k]
+    return best[:best_size].copy(), step, spent
