@@ -89,7 +89,7 @@ class PoseGrid:
         return np.asarray((away[None] <= shift_m) & (turned[:, None, None] <= turn_rad))
 
     def __add__(self, other: PoseGrid) -> PoseGrid:
-        """Return the likelihood of both kinds of evidence; where one knows nothing the other stands alone."""
+        """Return the likelihood of both kinds of evidence; where one is unknown the other stands alone."""
         one, two = self.likelihood, other.likelihood
         total = np.where(np.isnan(one), two, np.where(np.isnan(two), one, one + two))
         nothing = np.full_like(self.correlation, np.nan)
@@ -225,7 +225,7 @@ class _Frame:
         """Return correlation and known weight (3, north, east) of each half and both at every shift."""
         from scipy import fft
 
-        from rover_iface.localization.relocalisation_kernels import lay
+        from rover_iface.localization.relocalisation_kernels import add_cells
 
         c, s = math.cos(turn), math.sin(turn)
         x = c * places[:, 0] - s * places[:, 1]
@@ -233,7 +233,7 @@ class _Frame:
         rows = np.rint(self.rest[1] + y / self.step).astype(np.int64) + self.rim
         columns = np.rint(self.rest[0] + x / self.step).astype(np.int64) + self.rim
         raster = np.zeros((3, self.size, self.size, 2), np.float32)
-        lay(rows, columns, halves, weights, own, raster)
+        add_cells(rows, columns, halves, weights, own, raster)
         stop = fft.fft2(raster.view(np.complex64)[..., 0])
         # of halves a + i b and a real map m, conj(F(m)) F(a + i b) holds both correlations at minus the shift
         known, value, square = self.transforms

@@ -100,7 +100,7 @@ def relief_map(
     Raises
     ------
     LocalizationError
-        If the terrain knows no height there.
+        If the terrain has no height there.
     """
     count = 2 * math.ceil(half_m / spacing_m) + 1
     finer = min(4, max(1, round(spacing_m / terrain.spacing)))  # 16 samples tell a mean of what is smooth
@@ -112,7 +112,7 @@ def relief_map(
     heights = _block_mean(terrain.height(x, y).astype(np.float32), finer)
     if not np.isfinite(heights).any():
         raise LocalizationError(
-            f'the terrain "{terrain.name}" knows no height within {half_m:g} m of '
+            f'the terrain "{terrain.name}" has no height within {half_m:g} m of '
             f"({centre[0]:.1f}, {centre[1]:.1f})"
         )
     half = 0.5 * (count - 1) * spacing_m

@@ -257,7 +257,7 @@ def relocalise(
     prior, options = prior or RelocalisationPrior(), options or RelocalisationOptions()
     kinds = _kinds(grid, view, prior, options)
     if not kinds:
-        message = f"the map knows no ground within {prior.reach.shift_m:.1f} m of the believed place"
+        message = f"the map has no ground within {prior.reach.shift_m:.1f} m of the believed place"
         return _nothing(RelocalisationFault.OFF_THE_MAP, message)
     both = kinds[0] if len(kinds) == 1 else kinds[0] + kinds[1]
     likelihood = both.likelihood[BOTH]

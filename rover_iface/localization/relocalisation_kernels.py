@@ -69,7 +69,7 @@ def read_map(
 
 
 @njit(cache=True, nogil=True)
-def lay(rows: I64, columns: I64, half: npt.NDArray[np.bool_], weights: F64, own: F64, out: F32) -> None:
+def add_cells(rows: I64, columns: I64, half: npt.NDArray[np.bool_], weights: F64, own: F64, out: F32) -> None:
     """Add a stop's cells to a raster `out` (3, r, c, 2): weight, weight s, weight s^2, of each half.
 
     Cell k falls on (`rows`[k], `columns`[k]); `own` is its value s.

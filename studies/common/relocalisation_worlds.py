@@ -103,7 +103,7 @@ class Ground:
 
 
 def generated_ground(seed: int) -> Ground:
-    """Return a generated ground of 128 m: relief and rock cover are drawn, brightness knows no relief."""
+    """Return a generated ground of 128 m: relief and rock cover are drawn, brightness does not follow it."""
     from dataclasses import replace
 
     from rover_iface.terrain.fractal import spectral_noise
