@@ -36,15 +36,12 @@ class Verdict:
         Of the held-out scenes, one a fold (the first kind's, then the second's).
     accuracy
         (folds,) mean of the shares of patches of either kind that were recognised; 0.5 is chance.
-    by_frame
-        (folds,) the same for whole scenes: the sign of the mean decision over a scene's patches.
     low, high
         Ends of a 95 % interval of the mean accuracy, by drawing folds with replacement.
     """
 
     names: tuple[str, ...]
     accuracy: Array
-    by_frame: Array
     low: float
     high: float
 
@@ -99,7 +96,7 @@ def tell_apart(
     ValueError
         If a fold leaves nothing of a kind to train on.
     """
-    accuracy, by_frame, names = [], [], []
+    accuracy, names = [], []
     for out_first, out_second in folds:
         kept = [
             {name: values for name, values in kind.items() if name not in out}
@@ -115,14 +112,12 @@ def tell_apart(
             for kind, out in ((first, out_first), (second, out_second))
         ]
         right = [[sign * d > 0 for d in kind] for sign, kind in zip((-1, 1), decisions, strict=True)]
-        whole = [[sign * d.mean() > 0 for d in kind] for sign, kind in zip((-1, 1), decisions, strict=True)]
         accuracy.append(np.mean([np.mean([r.mean() for r in kind]) for kind in right]))
-        by_frame.append(np.mean([np.mean(kind) for kind in whole]))
         names.append(" / ".join([*out_first, *(out_second if list(out_second) != list(out_first) else [])]))
     found = np.array(accuracy)
     draws = found[rng.integers(0, len(found), (10_000, len(found)))].mean(axis=1)
     low, high = np.percentile(draws, [2.5, 97.5])
-    return Verdict(tuple(names), found, np.array(by_frame), float(low), float(high))
+    return Verdict(tuple(names), found, float(low), float(high))
 
 
 def _trained(first: Scenes, second: Scenes, untrained: Any) -> Any:
