@@ -9,8 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rover_iface.cameras.model import pinhole
+from rover_iface.cameras.panorama import Panorama, StereoWedge
 from rover_iface.errors import LocalizationError
 from rover_iface.frames import Transform
+from rover_iface.localization import stop_relief
 from rover_iface.localization.bundle_adjustment import BundleAdjustment
 from rover_iface.localization.ground_points import GroundPoints
 from rover_iface.localization.pose_search import BOTH, FIRST, SearchReach, search
@@ -246,6 +249,27 @@ def test_likelihood_of_noise_stays_at_chance() -> None:
     assert found is not None
     tried = math.log(found.likelihood[BOTH].size)
     assert 0.4 * tried < float(np.nanmax(found.likelihood[BOTH])) < tried + 2.0
+
+
+# ---- brightness of a panorama
+
+
+def test_points_take_the_brightness_of_the_left_image_they_fall_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A pinhole looking along x: columns to the right are minus y, rows down minus z."""
+    left = pinhole(focal_px=100.0, width=200, height=160)
+    image = np.tile(np.arange(200, dtype=np.uint8), (160, 1))  # brightness is the column
+    right = left.moved(np.eye(3), (0.0, -0.2, 0.0))
+    panorama = Panorama([StereoWedge("0.0", image, np.zeros_like(image), left, right)])
+    rng = np.random.default_rng(3)
+    ahead = np.column_stack([np.full(250, 10.0), rng.uniform(-9, 9, 250), rng.uniform(-7, 7, 250)])
+    points = np.concatenate([ahead, [[-10.0, 0.0, 0.0], [10.0, 30.0, 0.0]]])
+    seen = GroundPoints(points, np.zeros(3))
+    monkeypatch.setattr(stop_relief, "points_of_panorama", lambda _: seen)
+    view = stop_relief.view_of_panorama(panorama)
+    assert view.brightness is not None
+    column = left.project(ahead)[:, 0]
+    assert view.brightness[:250] == pytest.approx(column + 1.0, abs=0.6)
+    assert np.isnan(view.brightness[250:]).all()  # behind, and beside
 
 
 # ---- the maps
