@@ -4,24 +4,35 @@ from __future__ import annotations
 
 import io
 import math
+import shutil
 import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 from PIL import Image
+from sqlalchemy import select
+from typer.testing import CliRunner
 
+from ground.cli import image, terrain
+from ground.gdr.migrate import migrate
+from ground.gdr.repository import open_repository
 from ground.records.actor import SYSTEM_ACTOR
 from ground.resources.mission_archives.mission_archive import export_mission
 from ground.resources.mission_setup.create_mission import FolderTerrain, create_mission
+from ground.resources.missions.row import MissionRow
 from ground.resources.missions.value import Mission
 from ground.resources.sols.create_sol import create_sol
+from ground.settings import load_settings
+from rover_iface.cameras.calibrated import CALIBRATIONS
 from rover_iface.cameras.panorama import load_panorama
 from rover_iface.reconstruction.site_model import SiteOptions, reconstruct
 from rover_iface.terrain import write_terrain
 from tests.ground.conftest import Api
 from tests.ground.test_missions_api import problem
 from tests.rover_iface.reconstruction.products import rendered, rendered_folder, site
+from tests.shared import shared
 
 
 @pytest.fixture(scope="module")
@@ -103,3 +114,61 @@ def test_an_archive_of_the_mission_holds_its_pictures(
     ]
     zipfile.ZipFile(archive).extractall(tmp_path / "out")
     assert len(load_panorama(tmp_path / "out/terrain").wedges) == 2
+
+
+def run(*arguments: str) -> tuple[int, str]:
+    app = typer.Typer()
+    for group in (terrain, image):
+        group.register(app)
+    result = CliRunner().invoke(app, list(arguments))
+    return result.exit_code, result.output
+
+
+def test_one_command_makes_terrain_panorama_and_mission(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folder: Path
+) -> None:
+    monkeypatch.setenv("OUTCROP_DATA_DIR", str(tmp_path / "data"))
+    migrate(open_repository(load_settings()).database)
+    pictures, out = str(folder.with_name("pictures")), tmp_path / "out"
+    asked = ("terrain", "from-images", pictures, "--out", str(out), "--mission", "Real")
+    code, said = run(*asked)
+    assert code == 2
+    assert "--under-rover" in said
+    code, said = run(*asked, "--under-rover", "3")
+    assert code == 0, said
+    assert "2N0LEFT: " in said
+    assert "% seen" in said
+    assert "mission msn-" in said
+    with open_repository(load_settings()).database.read() as session:
+        assert [row.name for row in session.scalars(select(MissionRow))] == ["Real"]
+    code, said = run("terrain", "query", str(out), "5", "4")
+    assert code == 0
+    assert "known to" in said
+    code, said = run("terrain", "query", str(out), "--", "-2.5", "-2.5")
+    assert code == 2
+    assert "hole" in said or "outside" in said
+
+
+def test_what_cannot_be_used_is_told_and_nothing_is_written(tmp_path: Path, folder: Path) -> None:
+    alone, out = tmp_path / "alone", tmp_path / "out"
+    alone.mkdir()
+    shutil.copyfile(folder.with_name("pictures") / "2n0left.img", alone / "2n0left.img")
+    code, said = run("terrain", "from-images", str(alone), "--out", str(out))
+    assert code == 2
+    assert "2N0LEFT: no-partner: no right picture of NAVCAM in the folder" in said
+    assert not out.exists()
+    code, said = run("terrain", "from-images", str(alone), "--out", str(out), "--reach", "-1")
+    assert code == 2
+    assert "must be positive" in said
+
+
+def test_a_rig_is_calibrated_from_a_folder_of_boards(tmp_path: Path) -> None:
+    boards, out = shared("data/imagery/opencv"), tmp_path / "stereo.json"
+    names = ("--left", "left[0-9]*.jpg", "--right", "right[0-9]*.jpg")
+    code, said = run("image", "calibrate", str(boards), "--out", str(out), "--square", "0.025", *names)
+    assert code == 0, said
+    assert "13 boards, corners fit to 0.22 px" in said
+    assert CALIBRATIONS.read_file(out).boards == 13
+    code, said = run("image", "calibrate", str(tmp_path), "--out", str(out), "--square", "0.025")
+    assert code == 2
+    assert "0 left and 0 right pictures" in said
