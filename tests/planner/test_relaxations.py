@@ -26,6 +26,7 @@ from planner.explain import why_not
 from planner.plan_tree import Observe
 from planner.problem import Problem
 from studies.common.planner_days import day
+from studies.planner_why_not import drawn
 from tests.planner.reference.problems import ALL_FAMILIES, generated
 
 FUTURES = 600
@@ -203,3 +204,14 @@ def test_the_forced_plan_is_found_past_short_orders_that_no_one_change_betters()
     best = compile_plan(model, route_plan(model, (7, 3, 4, 6, 2)))
     worth = Evaluator(model)
     assert worth.value(compile_plan(model, told.forced)).value >= 0.999 * worth.value(best).value
+
+
+def test_a_relaxation_is_not_late_where_futures_take_another_order_for_the_best() -> None:
+    """Of (5, 4, 0, 1, 3) and (0, 5, 4, 1, 3) the former is 0.7 % better and 1.4 % worse in 2,048 futures."""
+    problem = drawn(944287893, 25, [5, 6])
+    model, what = Model.of(problem), problem.observations[3]
+    (found,) = smallest_relaxations(Question(problem, what, [(0, 5)]))
+    less = widened(problem, what, found.what.split(" and "), found.factor / 1.01)
+    values = OrderValues(Model.of(less))
+    assert values[5, 4, 0, 1, 3] <= 1.001 * max(values[0, 5, 4, 1], values[1, 0, 4, 5])
+    assert model.number_of[what.id] == 3
