@@ -28,6 +28,9 @@ POINTING_RAD = math.radians(4.0)
 """By how much the camera's axis may differ from the pointing that the same label tells: a mast camera stands
 0 to 2 degrees off the mast's boresight (1.2 degrees in the Spirit navcam label of sol 1869)."""
 
+MALFORMED = (KeyError, TypeError, ValueError, OverflowError, AttributeError, IndexError)
+"""What reading a member of another kind than it should be raises."""
+
 _ROVER_GROUPS = ("ROVER_COORDINATE_SYSTEM", "ROVER_COORD_SYSTEM_PARMS")
 _ROVER_FRAMES = {"ROVER_FRAME", "ROVER_NAV_FRAME"}
 _POINTING_GROUPS = ("ROVER_DERIVED_GEOMETRY_PARMS", "DERIVED_IMAGE_PARMS")
@@ -73,6 +76,8 @@ def frame_of_product(path: Path) -> EyeFrame:
     RefusedError
         If it cannot be read, holds no picture, does not tell where the rover stood, or contradicts itself.
     """
+    from PIL import Image
+
     name = path.name
     try:
         product = read_product(path)
@@ -80,12 +85,12 @@ def frame_of_product(path: Path) -> EyeFrame:
         raise RefusedError(Reason.UNREADABLE, name, str(err).removeprefix(f"{name}: ")) from err
     except OSError as err:
         raise RefusedError(Reason.UNREADABLE, name, err.strerror or str(err)) from err
-    except (KeyError, TypeError, ValueError, OverflowError, AttributeError, IndexError) as err:
+    except (*MALFORMED, RecursionError, Image.DecompressionBombError) as err:
         # a label is text from outside: a member of another kind than it should be fails anywhere in it
         raise RefusedError(Reason.UNREADABLE, name, f"malformed label: {type(err).__name__} {err}") from err
     try:
         return _frame(product, name)
-    except (KeyError, TypeError, ValueError, OverflowError, AttributeError, IndexError, FrameError) as err:
+    except (*MALFORMED, FrameError, CameraError) as err:
         raise RefusedError(
             Reason.NO_POSE, name, f"its label does not tell the pose: {type(err).__name__} {err}"
         ) from err

@@ -86,7 +86,9 @@ def check_rows(pair: PicturePair, limits: RowLimits | None = None) -> RowCheck:
     try:
         one, two = aligned_pair(pair.left_camera, pair.right_camera)
     except CameraError as err:
-        raise RefusedError(Reason.SIDES_SWAPPED, pair.name, str(err)) from err
+        swapped = float((pair.right_camera.C - pair.left_camera.C) @ pair.left_camera.horizontal) < 0
+        reason = Reason.SIDES_SWAPPED if swapped else Reason.LABEL_CONTRADICTION
+        raise RefusedError(reason, pair.name, str(err)) from err
     found = _matches(pair, one, two)
     if len(found) < limits.least_matches:
         raise RefusedError(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
+from uuid import uuid4
 
 from ground.errors import OutsideTerrainError
 from ground.gdr.geometry import Pose
@@ -22,8 +23,8 @@ if TYPE_CHECKING:
     from rover_iface.terrain import Terrain
 
 TILE_PX = 1024
-WIDEST_PX = 16_384
-"""Of a full circle, 0.38 mrad a pixel: a mosaic finer than that takes longer to load than anybody looks at
+WIDEST_PX = 8_192
+"""Of a full circle, 0.77 mrad a pixel: a mosaic finer than that takes longer to load than anybody looks at
 it."""
 
 SAME_PLACE_M = 0.5
@@ -91,7 +92,7 @@ class TakenPictures:
                 (index * TILE_PX, 0, (index + 1) * TILE_PX, mosaic.height)
             )
             self.folder.mkdir(parents=True, exist_ok=True)
-            draft = path.with_suffix(f".{index}.draft")
+            draft = path.with_suffix(f".{uuid4().hex}.draft")
             cut.save(draft, "JPEG", quality=88)
             draft.replace(path)
         return path

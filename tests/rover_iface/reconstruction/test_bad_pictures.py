@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import zlib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -309,3 +310,21 @@ def test_a_pair_that_contradicts_the_others_is_left_out() -> None:
     fused = fuse(surfaces, grid_over(surfaces, 0.05), 0.15, refused)
     assert [r.reason for r in refused] == [Reason.SURFACES_APART]
     assert [s.pair.name for s in fused.used] == ["first"]
+
+
+def test_nested_metadata_and_a_picture_of_a_billion_pixels_end_in_an_outcome(tmp_path: Path) -> None:
+    (tmp_path / "deep.json").write_text('{"a":' * 20_000 + "1" + "}" * 20_000)
+    source = next(iter(shared("data/imagery/m2020").glob("*.json")))
+    document = {**json.loads(source.read_text()), "dimension": "(40000,40000)"}
+    (tmp_path / "wide.json").write_text(json.dumps(document))
+    raw = b"\x89PNG\r\n\x1a\n"
+    body = b"IHDR" + (40_000).to_bytes(4, "big") * 2 + b"\x08\x00\x00\x00\x00"
+    raw += (13).to_bytes(4, "big") + body + zlib.crc32(body).to_bytes(4, "big")
+    (tmp_path / "wide.png").write_bytes(raw)
+    assert set(outcomes(tmp_path).values()) == {Reason.UNREADABLE}
+    assert len(outcomes(tmp_path)) == 2
+
+
+def test_two_cameras_in_one_place_are_no_pair() -> None:
+    pair = first_pair()
+    assert reason_of(replace(pair, right_camera=pair.left_camera)) is Reason.LABEL_CONTRADICTION
