@@ -102,9 +102,9 @@ def tour_with(d: Array, near: Array, more: Array, route: Array, state: Array, wo
 
 @numba.njit(cache=True, nogil=True)
 def _priced(
-    d: Array, prize: Array, tour: Array, price: float, best: Array, follow: Array, work: Array
+    d: Array, prize: Array, tour: Array, penalty: float, best: Array, follow: Array, work: Array
 ) -> tuple[int, int]:
-    """Fill in what is most from each place on (m,) at a price of length, and the next place (m,).
+    """Fill in what is most from each place on (m,) at a penalty on length, and the next place (m,).
 
     Returns prize and length of the part that is worth most.
     """
@@ -115,7 +115,7 @@ def _priced(
         row = d[tour[i]]
         top, at = -np.inf, -1
         for k in range(i + 1, m):
-            worth = best[k] - price * row[tour[k]]
+            worth = best[k] - penalty * row[tour[k]]
             if worth > top:
                 top, at = worth, k
         best[i], follow[i] = top + (prize[tour[i]] if i else 0), at
@@ -157,11 +157,11 @@ def part_within(
 
     Notes
     -----
-    The best price of length is found first (the Lagrangean dual: the price at which a part that is too long
-    and one that is not are worth the same, until no other is worth more). The part within the budget at that
-    price is a first answer, and what is still to be had from each place on bounds every label: only labels
-    that could beat the answer are extended. Where clusters lie apart the first answer is poor and the labels
-    are many; on other maps they are few.
+    The best penalty on length is found first (the Lagrangean dual: the penalty at which a part that is too
+    long and one that is not are worth the same, until no other is worth more). The part within the budget at
+    that penalty is a first answer, and what is still to be had from each place on bounds every label: only
+    labels that could beat the answer are extended. Where clusters lie apart the first answer is poor and the
+    labels are many; on other maps they are few.
     """
     m = len(tour)
     end = tour[m - 1]
@@ -170,11 +170,11 @@ def part_within(
     if high_length <= budget:
         return _along(tour, follow)
     part = np.array([tour[0], end])
-    low_value, low_length, price = 0, d[tour[0], end], 0.0
+    low_value, low_length, penalty = 0, d[tour[0], end], 0.0
     while True:
-        price = (high_value - low_value) / (high_length - low_length)
-        value, length = _priced(d, prize, tour, price, best, follow, work)
-        gain = value - price * length - (low_value - price * low_length)
+        penalty = (high_value - low_value) / (high_length - low_length)
+        value, length = _priced(d, prize, tour, penalty, best, follow, work)
+        gain = value - penalty * length - (low_value - penalty * low_length)
         if gain <= 1e-9 * (1.0 + value):
             break
         if length <= budget:
@@ -196,7 +196,7 @@ def part_within(
             if value <= top:
                 continue
             top = value
-            needed = lower + 0.5 - value - price * (budget - length)  # prizes are integers
+            needed = lower + 0.5 - value - penalty * (budget - length)  # prizes are integers
             if best[i] - own <= needed:
                 continue
             work[LABEL] += m - i
@@ -204,7 +204,7 @@ def part_within(
                 v = tour[j]
                 step = d[u, v]
                 full = length + step
-                if best[j] - price * step <= needed or full + d[v, end] > budget:
+                if best[j] - penalty * step <= needed or full + d[v, end] > budget:
                     continue
                 k = full * buckets // (budget + 1)
                 got = value + prize[v]

@@ -40,7 +40,7 @@ _REGION = (5, 60)  # nodes of a region put in
 _REGIONS = 0.3  # share of children made with a region
 _STALE = 4  # times the population that children may fail to get in before a new one is begun
 _HOT, _WARM, _COLD = 0.1, 0.03, 0.01  # temperatures of first tours and children, and the last; in mean prizes
-_PRICE = 0.6  # first price of length, of prize over budget
+_PENALTY = 0.6  # first penalty on length, of prize over budget
 _PASSES = 20  # looks at each pair of nodes when the best part of a tour of all is taken, nearly
 _PIECES = 50  # of one annealing alone, so that it can be stopped
 _UNLIMITED = 1 << 60  # steps
@@ -132,31 +132,41 @@ class SurveyMap:
         steps: int,
         most: float,
         hot: float,
-        price: Array,
+        penalty: Array,
         state: Array,
         cold: float = _COLD,
     ) -> tuple[Array, int, float]:
         """Return the best tour within the budget, the steps done and their cost, at most about `most`.
 
-        Temperatures are in mean prizes; `price` (1,) of length and `state` (1,) of chance are moved on.
+        Temperatures are in mean prizes; `penalty` (1,) of length and `state` (1,) of chance are moved on.
         """
         mean = max(1.0, float(self.prize[self.usable].mean()))
         heat = np.array([hot * mean, cold * mean])
         best, done, cost = anneal(
-            self.length, self.prize, self.near, self.budget, route, heat, price, state, steps, most, _WEIGHTS
+            self.length,
+            self.prize,
+            self.near,
+            self.budget,
+            route,
+            heat,
+            penalty,
+            state,
+            steps,
+            most,
+            _WEIGHTS,
         )
         spend(Step.SURVEY, cost)
         return best, int(done), float(cost)
 
     def improve(self, route: Array, steps: int, seed: int) -> tuple[Array, int]:
         """Return the best tour after so many steps from a route (k,) within the budget, and its prize."""
-        price = self.price_of(route)
-        best, _, _ = self.annealed(route, steps, np.inf, _HOT, price, np.array([np.uint64(seed)]))
+        penalty = self.penalty_of(route)
+        best, _, _ = self.annealed(route, steps, np.inf, _HOT, penalty, np.array([np.uint64(seed)]))
         return best, self.total(best)[0]
 
-    def price_of(self, route: Array) -> Array:
-        """Return a first price of length (1,) for a route (k,)."""
-        return np.array([_PRICE * max(1, self.total(route)[0]) / max(1, self.budget)])
+    def penalty_of(self, route: Array) -> Array:
+        """Return a first penalty on length (1,) for a route (k,)."""
+        return np.array([_PENALTY * max(1, self.total(route)[0]) / max(1, self.budget)])
 
     def first_route(self, wanted: Array) -> Array:
         """Return a tour of the wanted nodes (k,) that fit, each put in where it costs least."""
@@ -194,7 +204,7 @@ class _Member:
     saved: int
     """Length below zero."""
     route: Array = field(compare=False)
-    price: float = field(compare=False)
+    penalty: float = field(compare=False)
 
 
 def solve_survey(
@@ -270,10 +280,10 @@ class _Search:
         """Return one tour annealed all the time: the limit does not pay for a tour of everything."""
         m, effort = self.map, self.effort
         route, hot = np.array([0, m.nodes - 1]), _HOT
-        price = np.array([_PRICE * self.everything / max(1, m.budget)])
+        penalty = np.array([_PENALTY * self.everything / max(1, m.budget)])
         for k in range(_PIECES):
             cold = _HOT * (_COLD / _HOT) ** ((k + 1) / _PIECES)
-            route = self._annealed(route, effort.steps // _PIECES + 1, hot, price, (k + 1) / _PIECES, cold)
+            route = self._annealed(route, effort.steps // _PIECES + 1, hot, penalty, (k + 1) / _PIECES, cold)
             hot = cold
         return route
 
@@ -312,20 +322,20 @@ class _Search:
         m = self.map
         part, cost = m.selected(parent.route, more, int(_LEAST * parent.prize), self.state)
         self.effort.spent += cost
-        prices = np.array([parent.price]) if parent.price else m.price_of(part)
-        best = self._annealed(part, steps, hot, prices, 1.0)
+        penalties = np.array([parent.penalty]) if parent.penalty else m.penalty_of(part)
+        best = self._annealed(part, steps, hot, penalties, 1.0)
         prize, length = m.total(best)
-        return _Member(prize, -length, best, float(prices[0]))
+        return _Member(prize, -length, best, float(penalties[0]))
 
     def _annealed(
-        self, route: Array, steps: int, hot: float, price: Array, until: float, cold: float = _COLD
+        self, route: Array, steps: int, hot: float, penalty: Array, until: float, cold: float = _COLD
     ) -> Array:
         e = self.effort
         steps = min(steps, e.steps - e.done)
         most = until * e.most - e.spent
         if steps <= 0 or most <= 0.0:
             return route
-        best, done, cost = self.map.annealed(route, steps, most, hot, price, self.state, cold)
+        best, done, cost = self.map.annealed(route, steps, most, hot, penalty, self.state, cold)
         e.done += done
         e.spent += cost
         return best

@@ -1,7 +1,7 @@
 """Compiled annealing of one survey tour: take out, put in, shorten, accept.
 
-Length has a price in prize: a step takes out strings of neighbouring nodes, puts back what is worth its
-detour, and is accepted on prize less price times length. The price follows the length, so that the tour
+Length has a penalty in prize: a step takes out strings of neighbouring nodes, puts back what is worth its
+detour, and is accepted on prize less penalty times length. The penalty follows the length, so that the tour
 stays about as long as the budget and each corner of the map is improved by itself. What is kept is the best
 tour within the budget.
 """
@@ -25,12 +25,12 @@ _STRINGS = 3  # most strings taken out in a step
 _HOLES = 8  # places of the tour beside a hole whose neighbours are offered
 _OFFERED = 8  # neighbours offered at such a place
 _OVER = 0.05  # of the budget by which a tour may be longer for a while
-_FOLLOW = 20.0  # of the price to what the tour is longer than the budget, as a share: 1 % longer, 1.2 times
-_DRIFT = 0.02  # of the price at each of its updates, for the same
-_EVERY = 16  # steps between two updates of price and temperature
-_DOUBT = 0.2  # random part of the price at which one node is put in
+_FOLLOW = 20.0  # of the penalty to what the tour is longer than the budget, as a share: 1 % longer, 1.2 times
+_DRIFT = 0.02  # of the penalty at each of its updates, for the same
+_EVERY = 16  # steps between two updates of penalty and temperature
+_DOUBT = 0.2  # random part of the penalty at which one node is put in
 _NOISE = 0.4  # most random part of the order in which nodes are put in
-_LEAST = 1e-9  # price of length, in mean prize over budget: where everything fits, length costs nothing
+_LEAST = 1e-9  # penalty on length, in mean prize over budget: where everything fits, length costs nothing
 
 
 @numba.njit(cache=True, nogil=True)
@@ -176,7 +176,7 @@ def anneal(
     budget: int,
     route: Array,
     heat: Array,
-    price: Array,
+    penalty: Array,
     state: Array,
     steps: int,
     most: float,
@@ -193,7 +193,7 @@ def anneal(
         Tour (k,) to begin with, nodes by number, within the budget.
     heat
         First and last temperature (2,), in prize units.
-    price
+    penalty
         Of length (1,), in prize; moved on.
     state
         Of the random numbers (1,); moved on.
@@ -224,7 +224,7 @@ def anneal(
     limit = int(budget * (1.0 + _OVER))
     least = _LEAST * heat[0] / max(1, budget)
     cooling = math.log(heat[1] / heat[0])
-    now, warm, spent = price[0], heat[0], 0.0
+    now, warm, spent = penalty[0], heat[0], 0.0
     step = 0
     while step < steps:
         if step % _EVERY == 0:
@@ -235,8 +235,8 @@ def anneal(
                 break
             warm = heat[0] * math.exp(cooling * max(step / steps, spent / most))
             over = length / max(1, budget) - 1.0
-            price[0] = max(least, price[0] * math.exp(_DRIFT * over))
-            now = price[0] * math.exp(_FOLLOW * over)
+            penalty[0] = max(least, penalty[0] * math.exp(_DRIFT * over))
+            now = penalty[0] * math.exp(_FOLLOW * over)
         step += 1
         m, m_length, count, waiting = size, length, 0, 0
         if m > 2:

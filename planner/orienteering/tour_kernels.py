@@ -23,7 +23,7 @@ PLACES = 5
 KINDS = 6
 PLACE, OFFER, NEIGHBOUR, MOVED, PRICED, LABEL = range(KINDS)
 """Kinds of work: places looked at for a node, offered nodes gone through, neighbours looked at while a tour
-is shortened, nodes moved or copied, pairs of nodes looked at for a price of length, ways on of a label."""
+is shortened, nodes moved or copied, pairs of nodes looked at for a penalty on length, ways on of a label."""
 
 
 @numba.njit(cache=True, nogil=True)
