@@ -33,7 +33,10 @@ def begin_in(
     real: Floats, whole: Ints, n: int, begin: int, load: Floats, hotel: float, starts: int, started: int,
     track_t: float, track_e: float, t_max: float, e_max: float,
 ) -> None:  # fmt: skip
-    """Put n futures from `begin` on at the start, with so many tracks started (`starts` are their bits)."""
+    """Put n futures from `begin` on at the start, with so many tracks started (`starts` are their bits).
+
+    `real` and `whole` are [lanes], `load` [futures].
+    """
     t, ended = started * track_t, started * track_t > t_max
     for j in range(n):
         real[HOTEL + j] = hotel * load[begin + j]
@@ -62,8 +65,9 @@ def drive_in(
 ) -> None:  # fmt: skip
     """Take the drive to place `i` in those of n futures from `begin` on, of `count`, in which that is done.
 
-    The tables of drives are [places * places * count]; `legs` are bits of the places from which one leads
-    here.
+    `real` and `whole` are [lanes]; the tables of drives `leg_s`, `leg_j` and `lost` are
+    [drives], those of a place to a place after each other; `legs` are bits of the places from which one
+    leads here.
     """
     untracked, places = 1 - np.int64(for_track), np.int64(0)
     for j in range(n):
@@ -108,7 +112,8 @@ def observe_in(
     the budgets, and in `BEFORE` which of its target were made before. Return how many futures are still
     within them.
 
-    Its amounts are those of `obs_s` and `obs_j` from `begin` on.
+    `real` and `whole` are [lanes]; its amounts are those of `obs_s` and `obs_j`
+    [amounts] from `begin` on.
     """
     track, still, first = np.int64(placed), 0, np.uint64(begin)
     for j in range(n):
@@ -189,7 +194,10 @@ def tell_in(
 
 @njit(cache=True, nogil=True)
 def earn_in(real: Floats, whole: Ints, n: int, much: float, fewer: float) -> None:
-    """Add to what is earned in n futures what an observation wins, as `tell_in` has it."""
+    """Add to what is earned in n futures what an observation wins, as `tell_in` has it.
+
+    `real` and `whole` are [lanes].
+    """
     if fewer == 1.0:
         for j in range(n):
             real[EARNED + j] += much if whole[GOES + j] else 0.0
