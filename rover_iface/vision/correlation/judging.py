@@ -1,6 +1,6 @@
 """What speaks for and against a match: its range, its texture, its surroundings, its place.
 
-Each figure has a limit that it is held against, and the margin to it: the tracker believes a match that
+Each figure is checked against a limit, and has a margin to it: the tracker believes a match that
 passes them all, and is as sure of it as the least margin allows. Kim et al. 2009, section 4.5, have four
 criteria (correlation, stereo score, range, position); surroundings, identity and the place where a target is
 expected are ours, and tell one stone from another.
@@ -53,6 +53,7 @@ class Followed:
     watched: StereoView | None = None  # the last view whose errors were checked
     put: bool = False  # another look has told since where it is, better than the first view does
     expected: tuple[Array, Array] | None = None  # where the next look should have it, and its covariance
+    alike: float = 1.0  # how well what is ranged at its place agreed with it when that was last asked
 
     @property
     def believed(self) -> Array:

@@ -24,6 +24,7 @@ from rover_iface.cameras.stereo import PointMatch, point_stereo
 from rover_iface.errors import TrackerError
 from rover_iface.vision.correlation.gallery import Gallery
 from rover_iface.vision.correlation.judging import Followed, Judgement, MatchJudge, depth_m2, pointing
+from rover_iface.vision.correlation.lost import LEAST_ALIKE, LOST, chance_believed, surface_agrees
 from rover_iface.vision.coverage_watch import CoverageWatch
 from rover_iface.vision.first_view import measured_drift, require_range
 from rover_iface.vision.narrow_range import KnownRange
@@ -48,12 +49,6 @@ FOUND_AGAIN = 0.75
 """Most confidence in a target at the stop at which it is found again."""
 KEYS = 3
 """Earlier views that are tried at a stop, the best first."""
-LOST, BELIEVED_M = 0.49, 0.05
-"""Most confidence in a lost target, and how near to where it is believed it should lie, across the line of
-sight: its confidence is the chance of that, times the most. Kim et al. 2009 count 3 cm as right."""
-LEAST_ALIKE = 0.1
-"""What is left of that chance where another range stands at its place, or none: dust, and a panel that stands
-in front, come with the right place too."""
 KNOWN_SHARE, KNOWN_SCORE = 0.03, 0.5
 """Where another look tells the range: share of it that stereo looks round it (5 cm at 1.6 m), and the score
 that is enough there, as no other range can be mistaken for it: one that 139 patches had to 0.8 cm was lost at
@@ -231,42 +226,22 @@ class NccTracker:
         told = track.expected
         covariance = track.update.covariance + drift * np.eye(3) if told is None else told[1]
         ray = track.believed - view.left_camera.C
-        ray = ray / np.linalg.norm(ray)
-        along_m2 = float(ray @ covariance @ ray)
-        aside_m2 = 0.5 * (float(np.trace(covariance)) - along_m2)
-        chance = -math.expm1(-0.5 * BELIEVED_M**2 / aside_m2) * self._ranges_alike(track, view, along_m2)
+        if track.misses <= self.options.lost_updates:
+            ranged = (self.judge.range_error(view, float(np.linalg.norm(ray))) / 3.0) ** 2
+            along = np.outer(ray, ray) / float(ray @ ray)
+            track.alike = 1.0 if surface_agrees(track, view, covariance + ranged * along) else LEAST_ALIKE
         track.update = replace(
             track.update,
             state=TrackState.FAILED if track.misses > self.options.lost_updates else TrackState.LOST,
             position=track.believed,
             covariance=covariance,
-            confidence=LOST * chance,
+            confidence=LOST * track.alike * chance_believed(covariance, ray),
             pixel=NOWHERE.copy(),
             reasons=reasons,
             scores=scores,
         )
         track.travelled_m = view.travelled_m
         return track.update
-
-    def _ranges_alike(self, track: Followed, view: StereoView, along_m2: float) -> float:
-        """Return how well what stereo ranges at a lost target's place agrees with its range: 1 it does.
-
-        A pair ranges a face in any light; where the rover has turned farther than it knows, something else
-        stands there. `along_m2` is the variance of the believed range, m^2.
-        """
-        camera = view.left_camera
-        at, away = camera.project(track.believed), float(np.linalg.norm(track.believed - camera.C))
-        half = self.options.template_px // 2 + 2
-        if not (np.isfinite(at).all() and view.shows(at, half)):
-            return LEAST_ALIKE
-        if not (np.isfinite(view.left).all() and np.isfinite(view.right).all()):
-            return LEAST_ALIKE
-        match = self._stereo(view, at, away, spread=0.5)
-        if match is None or match.score < self.options.stereo_limit:
-            return LEAST_ALIKE
-        off = float(np.linalg.norm(match.point - camera.C)) - away
-        variance = along_m2 + depth_m2(match) + (self.judge.range_error(view, away) / 3.0) ** 2
-        return max(LEAST_ALIKE, math.exp(-0.5 * off**2 / variance))
 
     # ---- one update
 
@@ -424,17 +399,16 @@ class NccTracker:
             view.left, camera, at, match.point, normal, measured, *drift, deep_m2, deep_m2, relief
         )
         track.gallery.add(track.last, view.travelled_m)
+        covariance = self.watch.factor * (
+            match.surface_covariance + self._astray(view, track.last) + pointing(self.options, view, match)
+        )
+        sure = min(judged.confidence, chance_believed(covariance, match.point - camera.C))
         return TrackUpdate(
             target=target,
             state=TrackState.TRACKED,
             position=match.point,
-            covariance=self.watch.factor
-            * (
-                match.surface_covariance
-                + self._astray(view, track.last)
-                + pointing(self.options, view, match)
-            ),
-            confidence=min(judged.confidence, FOUND_AGAIN) if found_again else judged.confidence,
+            covariance=covariance,
+            confidence=min(sure, FOUND_AGAIN) if found_again else sure,
             pixel=at,
             scores=judged.scores | {"watched": self.watch.coverage, "widened": self.watch.factor},
         )

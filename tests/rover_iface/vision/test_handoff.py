@@ -258,7 +258,7 @@ def test_misuse_is_refused() -> None:
 
 
 def test_a_surface_that_stereo_has_at_two_ranges_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One pixel further the hazcams of a day that was flown ranged a shaded edge 5.6 cm nearer (302701810)."""
+    """On a day that was flown a shaded edge was 5.6 cm nearer one pixel further (302701810)."""
     setting, _ = given()
     told = handoff_cascade.range_pixel
 

@@ -20,7 +20,7 @@ from rover_iface.simulator.render.picture import Frame
 from rover_iface.simulator.render.renderer import Sun
 from rover_iface.vision.correlation.ncc import NccTracker
 from rover_iface.vision.template import NccOptions, TemplateMatcher, template_roll, template_scale
-from rover_iface.vision.tracker import StereoView, Tracker, TrackState
+from rover_iface.vision.tracker import StereoView, Tracker, TrackState, TrackUpdate
 from tests.rover_iface.render.scenes import LOOK, SUN, picture
 
 
@@ -322,24 +322,35 @@ def inverted(seen: StereoView) -> StereoView:
     return replace(seen, left=np.float32(1.0) - seen.left, right=np.float32(1.0) - seen.right)
 
 
-def test_confidence_in_a_lost_target_falls_with_the_way_and_where_another_range_stands() -> None:
-    told: dict[float, list[float]] = {}
-    for heading_error in (0.0, 0.12):
+def test_confidence_in_a_target_that_looks_unlike_itself_is_by_the_surface_round_it() -> None:
+    told: dict[float, list[TrackUpdate]] = {}
+    point, stops = target_pixel()[1], approach()[4:10]
+    for heading_error in (0.0, 0.2):
         tracker = NccTracker()
-        tracker.start("T1", None, view(-8.0)[0], pixel=target_pixel()[0])
         told[heading_error] = []
-        for x in approach()[1:6]:
-            about = Transform.from_rpy(0.0, 0.0, heading_error)
+        for x in stops:
+            about = Transform.from_rpy(0.0, 0.0, heading_error if x > stops[0] else 0.0)
             here = np.array([x, 0.0, 0.0])
             error = Transform(about.rotation, here - about.rotate(here))
-            now, _ = view(x, error=error, travelled_m=x + 8.0)
+            # half a subframe more to either side: ground and rock together have one place
+            left = picture(Pose(x, 0.0, 0.0), half=160, seed=1)
+            right = picture(Pose(x, 0.0, 0.0), "navcam_right", half=160, exposure=left.exposure, seed=2)
+            eyes = left.camera.transformed(error), right.camera.transformed(error)
+            now = StereoView(left.unit, right.unit, eyes[0], eyes[1], travelled_m=x - stops[0])
+            if x == stops[0]:
+                tracker.start("T1", None, now, pixel=left.camera.project(point))
+                continue
             update = tracker.update("T1", inverted(now))
             assert update.state in (TrackState.LOST, TrackState.FAILED)
-            told[heading_error].append(update.confidence)
-    assert update.state is TrackState.FAILED
-    assert all(0.0 < one < 0.5 for one in told[0.0])
-    assert all(later < sooner for sooner, later in pairwise(told[0.0]))
-    assert told[0.12][0] < 0.5 * told[0.0][0]
+            told[heading_error].append(update)
+    sure = {error: [update.confidence for update in all_of] for error, all_of in told.items()}
+    assert all(one < 0.5 for of in sure.values() for one in of)
+    assert min(sure[0.0][:2]) > 0.3
+    # given up, it is not looked for any more, and dead reckoning errs ever more
+    assert told[0.0][-1].state is TrackState.FAILED
+    assert all(later < sooner for sooner, later in pairwise(sure[0.0]))
+    # turned by 0.9 m the rover looks at something else
+    assert max(sure[0.2]) < 0.05
 
 
 def test_a_twin_far_from_the_prediction_is_refused_where_the_expected_place_looks_more_alike() -> None:
