@@ -188,9 +188,10 @@ def pair_surface(pair: PicturePair, check: RowCheck, options: SurfaceOptions | N
 
 
 def lone_pieces(disparities: Array, jump_px: float, least_px: int) -> Mask:
-    """Return which pixels of `disparities` (n, m), px, NaN unknown, belong to pieces of fewer than `least_px`.
+    """Return which pixels belong to pieces of fewer than `least_px`.
 
-    Neighbours that differ by more than `jump_px` do not hang together.
+    Disparities [n, m], px, are NaN where unknown; neighbours that differ by more than `jump_px` do not hang
+    together.
     """
     import cv2
 
