@@ -61,12 +61,12 @@ def test_the_panorama_of_a_real_site_is_its_pictures(sqlite_api: Api, mission: M
         assert image.shape == (strip["tile_height"], strip["tile_width"])
         images.append(image)
     shown = np.hstack(images)
-    # the rover looked to its front, on both sides of 0.7 rad from east
-    middle = (
-        strip["tiles"][0]["left_azimuth_rad"]
-        + 0.5 * float((shown.max(axis=0) > 0).sum()) * strip["rad_per_px"]
-    )
+    # the rover looked to its front, on both sides of 0.7 rad from east; the page opens at the strip's middle
+    left = strip["tiles"][0]["left_azimuth_rad"]
+    middle = left + 0.5 * shown.shape[1] * strip["rad_per_px"]
     assert middle == pytest.approx(math.pi / 2 - 0.7 + 0.05, abs=0.15)
+    filled = np.flatnonzero(shown.max(axis=0) > 40)
+    assert filled[0] == pytest.approx(shown.shape[1] - 1 - filled[-1], abs=16)
     assert float(shown.max()) > 200
     none = sqlite_api("GET", f"/missions/{mission.id}/panorama/tiles/{len(images)}")
     assert "has no tile" in problem(none, 404, "not-found")["detail"]

@@ -149,12 +149,14 @@ class _Mosaic:
     @property
     def tiles(self) -> int:
         columns: int = self.image.shape[1]
-        return max(1, -(-columns // TILE_PX))
+        return columns // TILE_PX
 
 
 @lru_cache(maxsize=2)
 def _mosaic(files: tuple[Path, ...]) -> _Mosaic:
     """Return the pictures in the folder of a panorama's document, and their mosaic, as fine as they are."""
+    import numpy as np
+
     from rover_iface.cameras.panorama import load_panorama
 
     pictures = load_panorama(files[0].parent)
@@ -163,4 +165,8 @@ def _mosaic(files: tuple[Path, ...]) -> _Mosaic:
     step = edges["rad_per_px"]
     # edges count to the middles of the first pixels, tiles to their outer corner
     left, top = edges["left_azimuth_rad"] - step / 2, edges["top_elevation_rad"] + step / 2
-    return _Mosaic(pictures, image, left, top, step)
+    # the strip is whole tiles and is opened at its middle: what the pictures do not fill lies on both sides
+    spare = -image.shape[1] % TILE_PX
+    before = spare // 2
+    image = np.pad(image, ((0, 0), (before, spare - before), *((0, 0),) * (image.ndim - 2)))
+    return _Mosaic(pictures, image, left - before * step, top, step)
