@@ -12,7 +12,9 @@ check, so that the first vouch for the second.
 The truth is cast on the triangles, along the tool's true axis and with the arm's error, against what the
 instrument bears (`TrueLimits`). An accept is unsafe if anything is wrong there. A refusal, or an order to
 move the rover, is false if within the search radius the left camera sees a place of the rock that is truly
-safe and that the arm reaches.
+safe and that the arm reaches. A placement is on the designated point if the tool touches within 5 mm of what
+the scientist picked, the hand-off's error in that; it can be wanted where that point is truly safe and within
+reach.
 """
 
 from __future__ import annotations
@@ -41,6 +43,7 @@ from studies.common.placement_stereo import RockView
 Array = npt.NDArray[np.float64]
 
 HANDOFF_M = 0.005
+ON_POINT_M = 0.005
 EVALUATION = 29_000
 """Seeds from here on were not looked at; limits were set on 5,000 to 25,999, the figures are of 27,000 on."""
 
@@ -57,6 +60,20 @@ def designated(rock: RockScene) -> tuple[Array, Array]:
     eye, ray = one.back_project((float(sample), float(line)))
     picked = np.asarray(eye + far[line, sample] * ray)
     return picked, picked + rng.normal(0.0, HANDOFF_M / math.sqrt(3.0), 3)
+
+
+def is_safe(rock: RockScene, picked: Array, arm: Arm, true: TrueLimits) -> bool:
+    """Return whether the point that was picked (3,) is truly safe, and within reach."""
+    one, _, far, body, normal = rock.seen
+    lines, samples = np.nonzero(body == rock.target_index)
+    eyes, rays = one.back_project(np.column_stack((samples, lines)).astype(float))
+    points = eyes + far[lines, samples][:, None] * rays
+    around = np.linalg.norm(points - picked, axis=1) < arm.profile.tool_radius_m
+    mean = normal[lines, samples][around].mean(axis=0)
+    mean /= np.linalg.norm(mean)
+    if rock.true_patch(picked, mean, arm.profile.tool_radius_m, true).wrong:
+        return False
+    return isinstance(arm.solve(picked, mean, max_tilt_rad=true.tilt_rad), Posture)
 
 
 def safe_place(rock: RockScene, at: Array, arm: Arm, limits: SafetyLimits, true: TrueLimits) -> Array | None:
@@ -118,6 +135,7 @@ def trial(seed: int, rendered: bool) -> dict[str, Any]:
         "reasons": [f.reason.value for f in verdict.findings],
         "findings": [[f.reason.value, f.value, f.limit] for f in verdict.findings],
         "tried": verdict.tried,
+        "picked_safe": is_safe(rock, picked, arm, true),
         "plan_s": time.process_time() - began,
         "mast": _alignment_figures(laid, navcam, at),
     }
@@ -140,6 +158,7 @@ def trial(seed: int, rendered: bool) -> dict[str, Any]:
             "moved_m": verdict.distance_m,
             "measures": asdict(verdict.measures) if verdict.measures is not None else {},
             "error_m": float(np.linalg.norm(touched - picked)),
+            "off_handed_m": float(np.linalg.norm(touched - at)),
             "off_plan_m": float(np.linalg.norm(touched - verdict.point)),
         }
     else:
@@ -210,6 +229,7 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     unsafe = [r for r in accepted if r["wrong"]]
     false = [r for r in refused if r["safe_place"]]
     possible = len(accepted) - len(unsafe) + len(false)
+    wanted = [r for r in rows if r["picked_safe"]]
     errors = np.array([r["error_m"] for r in accepted])
     taken = np.array([r["off_plan_m"] for r in accepted])
     laid = [r["mast"] for r in rows if r["mast"] is not None]
@@ -219,6 +239,10 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
         "unsafe": len(unsafe),
         "unsafe_why": dict(Counter(w for r in unsafe for w in r["wrong"])),
         "unsafe_seeds": [r["seed"] for r in unsafe],
+        "picked_safe": len(wanted),
+        "placed_on_it": sum(r["decision"] == "place" for r in wanted),
+        "within_5_mm": sum(r.get("error_m", math.inf) <= ON_POINT_M for r in wanted),
+        "within_5_mm_of_handed_off": sum(r.get("off_handed_m", math.inf) <= ON_POINT_M for r in wanted),
         "refused": len(refused),
         "false_refusals": len(false),
         "false_refusal_share": len(false) / max(1, possible),

@@ -138,11 +138,15 @@ def _search(
 ) -> PlacementVerdict:
     """Judge the designated point, then others of the same rock, the nearest first.
 
-    The nearest calm point that the arm reaches is taken; without one, the nearest where it would tilt the
-    tool; without one, the safe one of least strain. Where none is safe, the search is done again in finer
-    steps, and then the one is taken that bears a close look best.
+    The designated point is taken if it is safe with some room. Else the nearest calm point that the arm
+    reaches; without one, the nearest where it would tilt the tool; without one, the safe one of least strain.
+    Where none is safe, the search is done again in finer steps, and then the one is taken that bears a close
+    look best.
     """
     search = _Search(check, at, ask, rock)
+    meant = search.designated()
+    if meant is not None:
+        return meant
     for coarse in (2.5, 1.0):
         verdict = search.sweep(coarse)
         if verdict is not None:
@@ -166,6 +170,31 @@ class _Search:
         self.close: list[Judged] = []
         """Points that only a close look would take."""
         self.tried = self.asked = 0
+
+    def designated(self) -> PlacementVerdict | None:
+        """Judge the designated point; None if it is not to be taken before others are looked at.
+
+        It is what was asked for, so it need not be calm; but it must keep the limits, or bear a close look,
+        with room.
+        """
+        limits = self.check.limits
+        judged = self.judge(self.at)
+        if judged.normal is None:
+            return None
+        calm = not judged.findings and judged.restless is None
+        roomy = not judged.findings and judged.strain <= limits.designated_strain
+        if not (calm or roomy or judged.close_strain <= 1.0):
+            return None
+        posture = self.reached(judged)
+        if posture is None:
+            if judged.findings:
+                self.asked = 0  # what only a close look takes does not end the search for what is safe
+            return None
+        slope = self.slope(judged, posture)
+        if slope <= limits.designated_slope_rad:
+            return self.taken(judged, posture)
+        self.leave(judged, Finding(Reason.SLOPE, slope, limits.designated_slope_rad, "rad"))
+        return None
 
     def sweep(self, coarse: float) -> PlacementVerdict | None:
         """Judge the points of a grid, the nearest first; None if none can be taken."""
@@ -201,7 +230,9 @@ class _Search:
         return None
 
     def judge(self, point: Array) -> Judged:
-        """Judge one more point."""
+        """Judge one more point, the designated one once."""
+        if self.first is not None and point is self.at:
+            return self.first
         judged = self.check.judge(point, brief=self.first is not None)
         self.tried += 1
         self.first = self.first or judged

@@ -158,6 +158,10 @@ def test_a_calm_place_is_taken_before_a_nearer_one_that_is_just_safe(k9: RoverPr
     assert calm.distance_m > 0.01
     anywhere = plan_placement(rough, at, k9, segmentation=found, limits=replace(limits, calm=1.0))
     assert anywhere.decision is Decision.PLACE
+    # the designated point itself need not be calm, but keeps room to the limits
+    with_room = replace(limits, designated_strain=1.01 * calm.findings[0].value)
+    meant = plan_placement(rough, at, k9, segmentation=found, limits=with_room)
+    assert (meant.decision, meant.tried) == (Decision.PLACE, 1)
     # all of it is ridged and nothing calm: the calmest of what is safe
     small = replace(limits, search_m=0.012)
     calmest = plan_placement(rough, at, k9, segmentation=found, limits=small)
@@ -265,12 +269,15 @@ def test_a_point_left_because_the_tool_would_tilt_says_so(k9: RoverProfile) -> N
     def tilting(point: npt.ArrayLike, normal: npt.ArrayLike) -> Posture | ArmRefusal:
         answer = solve(point, normal)
         near = float(np.linalg.norm(np.asarray(point) - at)) < 0.015
-        return replace(answer, tool_tilt_rad=0.2) if near and isinstance(answer, Posture) else answer
+        return replace(answer, tool_tilt_rad=tilt) if near and isinstance(answer, Posture) else answer
 
+    tilt = 0.23
     verdict = plan_placement(cloud, at, k9, segmentation=found, arm=tilting)
     assert verdict.decision is Decision.PLACE_NEAR
     assert [f.reason for f in verdict.findings] == [Reason.SLOPE]
-    assert verdict.findings[0].value > verdict.findings[0].limit == SafetyLimits().calm_slope_rad
+    assert verdict.findings[0].value > verdict.findings[0].limit == SafetyLimits().designated_slope_rad
+    tilt = 0.19  # more than elsewhere is taken, but it is the point that was asked for
+    assert plan_placement(cloud, at, k9, segmentation=found, arm=tilting).decision is Decision.PLACE
 
 
 def test_a_point_out_of_reach_tells_how_the_rover_must_move(k9: RoverProfile) -> None:
