@@ -12,10 +12,11 @@ import numpy as np
 from planner.constraints.must_do import pressing
 from planner.constraints.overrun import OverrunChance
 from planner.constraints.rule import MAX_BITS
+from planner.contingency.better_order import better_order
 from planner.contingency.bounds import upper_bound
 from planner.contingency.chance import keeps_to, plans_within
 from planner.contingency.hidden_sol import searched_in_hidden_sol
-from planner.contingency.order_in_futures import SCANNED, line_of, surely_better_order
+from planner.contingency.order_in_futures import MOST_ENUMERATED, SCANNED, line_of
 from planner.contingency.reduction import Reduction, held_by, mean_route_of, only, reduce_problem
 from planner.contingency.sampled_branches import better_by_branches
 from planner.contingency.sampled_futures import Growth
@@ -49,6 +50,11 @@ By hand: a quarter of 20 s is the 5 s after which a part was found to be better.
 
 CONSTRAINED_SHARE = 0.3
 """Share of the limit for one such search under a chance constraint, which asks for several. By hand."""
+
+SHORT_S = 0.5
+"""Limit, in reckoned seconds, from which on a plan is compared with orders even when it is used up. By hand:
+of few observations that takes 0.2 s, and where a search under a chance constraint had no plan in 1 s there
+was one."""
 
 LIVE_SET_S = 4e-4
 """Reckoned seconds of one live set of such a table. By hand: 3.3e-4 on a quick grid with ten targets."""
@@ -280,28 +286,33 @@ def searched_within(
 def chosen(order: Order, model: Model, curve: Curve) -> Chosen:
     """Return the plan of a curve that holds up; where something must be done, one whose main line does it."""
     found = _held_up(order, model, curve)
-    if not order.must:
-        ours = order.strategy == "optimal" and OverrunChance.of(order.problem) is None
-        return _or_order(order, model, found) if ours else found
-    if order.must <= _main_line(found.plan):
-        return found
-    route = mean_seed(model, must=sum(1 << m for m in range(model.m) if model.must_do[m]))
-    plan = route_plan(model, route)
-    return _held_up(order, model, [(0.0, plan)])
+    if order.must and not order.must <= _main_line(found.plan):
+        route = mean_seed(model, must=sum(1 << m for m in range(model.m) if model.must_do[m]))
+        found = _held_up(order, model, [(0.0, route_plan(model, route))])
+    return _or_order(order, model, found)
 
 
 def _or_order(order: Order, model: Model, found: Chosen) -> Chosen:
-    """Return what was found, or an order without branches where futures say for sure that it earns more."""
-    nodes = order.options.quick_nodes if order.quick else order.options.search_nodes
-    if order.plan_only or not _blurred(model, nodes):
+    """Return what was found, or an order without branches where futures say that it earns more."""
+    options = order.options
+    nodes = options.quick_nodes if order.quick else options.search_nodes
+    asked = model.m <= MOST_ENUMERATED or order.must or _blurred(model, nodes)
+    late = order.watch.limit_s < SHORT_S and order.watch.stop()
+    if order.plan_only or order.strategy != "optimal" or not asked or late:
         return found
-    plan = surely_better_order(model, found.plan, seed=order.seed + 5)
+    plan = better_order(
+        model,
+        found.plan,
+        seed=order.seed + 5,
+        fits=lambda plan: model.admits_plan(plan) and _does_what_must_be(model.problem, plan),
+        chance=OverrunChance.of(order.problem),
+        should_stop=order.watch.stop,
+    )
     if plan is None:
         return found
-    options = order.options
     count = options.quick_check_futures if order.quick else options.check_futures
     check = simulate(model, plan, count, seed=order.seed + 1).estimate()
-    return Chosen(plan, check, [max(value, check.mean) for value in found.values], "monte-carlo")
+    return Chosen(plan, check, [check.mean] * len(found.values), "monte-carlo")
 
 
 def _blurred(model: Model, nodes: tuple[int, int]) -> bool:

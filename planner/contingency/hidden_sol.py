@@ -12,10 +12,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Set
 
-from planner.contingency.order_in_futures import MOST_ENUMERATED, Order, best_orders, line_of
+from planner.contingency.order_in_futures import MOST_ENUMERATED, Order, best_routes, line_of
 from planner.contingency.sampled_branches import Curve, better_by_branches, grow_branches
 from planner.contingency.sampled_futures import FITTED, Growth
-from planner.contingency.seeding import mean_seed, route_plan
+from planner.contingency.seeding import mean_seed
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import simulate
 from planner.plan_edits import without_unused_tracks
@@ -128,8 +128,8 @@ def _ordered(model: Model, plans: Iterable[Plan], seed: int, should_stop: Callab
     """
     lines: list[Order] = [tuple(model.number_of[name] for name in dict.fromkeys(line_of(p))) for p in plans]
     lines += [mean_seed(known) for known in (model, *(known for _, known in model.by_kind))]
-    orders = best_orders(model, lines, seed=seed, should_stop=should_stop)
-    return [without_unused_tracks(model, route_plan(model, order)) for order in orders]
+    routes = best_routes(model, lines, seed=seed, should_stop=should_stop)
+    return [without_unused_tracks(model, plan) for plan in routes]
 
 
 def _by_branches(values: dict[Plan, float], most: int) -> Curve:

@@ -11,9 +11,11 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterable, Iterator
 
+import numpy as np
+
 from planner.contingency import sampled_futures
 from planner.contingency.sampled_futures import SURE
-from planner.contingency.seeding import mean_seed, route_plan
+from planner.contingency.seeding import route_plan, routes_of
 from planner.evaluate.model import Floats, Model
 from planner.evaluate.monte_carlo import simulate
 from planner.plan_tree import Observe, Plan, Visit
@@ -33,17 +35,18 @@ TRIED = 3
 MOST_ENUMERATED = 5
 """Observations up to which every order is tried: 325 orders take a third of a second. By hand."""
 
-COMPARED, BEGUN = 6, 2
-"""Orders that are compared in many futures, and those of them that the search is begun from. By hand."""
+COMPARED, LIKELY, BEGUN = 24, 6, 2
+"""Plans that are compared in many futures, those left after that, and orders that the search is begun from.
+By hand: of 325 orders some 20 are within the error of the best in the fewest futures.
+"""
 
-MOST_ORDERED = 12
-"""Observations up to which a plan is compared with orders: one more takes a round of some 20 changes longer.
-By hand."""
-
-SURELY_MORE = 4.0
-"""Standard errors by which an order must earn more than a plan: it was chosen in the same futures."""
+MATTERS = 5e-4
+"""Share of its value by which a plan must be better. By hand: the error of the evaluator."""
 
 Order = tuple[int, ...]
+
+Fits = Callable[[Plan], bool]
+"""Whether a plan may be an answer: it does what must be done, say."""
 
 
 def line_of(plan: Plan) -> list[ObservationId]:
@@ -51,50 +54,91 @@ def line_of(plan: Plan) -> list[ObservationId]:
     return [step.observation for step in plan if isinstance(step, Observe | Visit)]
 
 
-def surely_better_order(model: Model, plan: Plan, *, seed: int) -> Plan | None:
-    """Return an order without branches that earns more than a plan, in futures of `seed`; None without one.
+def best_routes(
+    model: Model,
+    begin: Iterable[Order],
+    *,
+    seed: int,
+    fits: Fits = lambda _: True,
+    overrun: float = 1.0,
+    should_stop: Callable[[], bool] = lambda: False,
+) -> list[Plan]:
+    """Return the best plans without branches that are found, best first; orders of few observations are all
+    tried.
 
-    The search begins from the route on mean values and from the plan's main line.
+    The search begins from the best of `begin`, and of all orders where there are few. Plans that do not
+    `fit`, and those that overrun a budget more often than `overrun`, are left out.
     """
-    if model.m > MOST_ORDERED:
-        return None
-    begin = mean_seed(model), tuple(model.number_of[name] for name in dict.fromkeys(line_of(plan)))
-    plans = [route_plan(model, order) for order in best_orders(model, begin, seed=seed)]
-    plans = [one for one in plans if one != plan and model.admits_plan(one)]
-    if not plans:
-        return None
-    before = simulate(model, plan, CLOSE, seed=seed).utility
-    gains = {one: simulate(model, one, CLOSE, seed=seed).utility - before for one in plans}
-    best, more = max(gains.items(), key=lambda gain: float(gain[1].mean()))
-    return best if float(more.mean()) > SURELY_MORE * float(more.std()) / CLOSE**0.5 + 1e-9 else None
-
-
-def best_orders(
-    model: Model, begin: Iterable[Order], *, seed: int, should_stop: Callable[[], bool] = lambda: False
-) -> list[Order]:
-    """Return the best orders that are found, none twice; those of few observations are all tried.
-
-    The search begins from the best of `begin`, and of all orders where there are few.
-    """
-    every = range(model.m if model.m <= MOST_ENUMERATED else 0)
+    few = model.m <= MOST_ENUMERATED
+    every = range(model.m if few else 0)
     all_orders = (itertools.permutations(every, count) for count in range(1, len(every) + 1))
-    tried = dict.fromkeys(itertools.chain(begin, *all_orders))
-    found = [order for order in tried if order and model.admits(sum(1 << m for m in order))]
-    for futures, kept in ((sampled_futures.SCANNED, COMPARED), (sampled_futures.FITTED, BEGUN)):
-        means = {order: float(_earned(model, order, futures, seed).mean()) for order in found}
-        found = sorted(means, key=lambda order: -means[order])[:kept]
-    orders = [order if should_stop() else order_in_futures(model, order, seed=seed) for order in found]
-    return list(dict.fromkeys(orders))
+    orders: Iterable[Order] = dict.fromkeys(itertools.chain(begin, *all_orders))
+    if not few:
+        orders = _begun(model, orders, seed, fits, should_stop)
+    admitted = [order for order in orders if order and model.admits(sum(1 << m for m in order))]
+    plans = dict.fromkeys(plan for order in admitted for plan in routes_of(model, order) if fits(plan))
+    stages = (sampled_futures.SCANNED, COMPARED), (sampled_futures.FITTED, LIKELY)
+    return [*raced(model, plans, stages, seed=seed, overrun=overrun)]
 
 
-def order_in_futures(model: Model, begin: Order, *, seed: int) -> Order:
+def _begun(
+    model: Model, begin: Iterable[Order], seed: int, fits: Fits, should_stop: Callable[[], bool]
+) -> dict[Order, None]:
+    """Return the orders that a search finds from the best of some others that fit, and those."""
+    tried = [order for order in begin if order and model.admits(sum(1 << m for m in order))]
+    tried = [order for order in tried if fits(route_plan(model, order))]
+    means = {order: float(_earned(model, order, sampled_futures.FITTED, seed).mean()) for order in tried}
+    best = sorted(means, key=lambda order: -means[order])[:BEGUN]
+    found = [
+        order if should_stop() else order_in_futures(model, order, seed=seed, fits=fits) for order in best
+    ]
+    return dict.fromkeys((*found, *best))
+
+
+def raced(
+    model: Model, plans: Iterable[Plan], stages: Iterable[tuple[int, int]], *, seed: int, overrun: float = 1.0
+) -> dict[Plan, Floats]:
+    """Return the plans that may be the best of some, best first, with what they earn [futures].
+
+    Each stage is a number of futures of `seed`, and how many plans are left at most. A plan is given up that
+    surely is not better than the best one by as much as matters, that earns the same in every future, or
+    that surely overruns a budget more often than allowed.
+    """
+    left = dict.fromkeys(plans, np.zeros(0))
+    for futures, most in stages:
+        most_overrun = overrun + SURE * (overrun * (1.0 - overrun) / futures) ** 0.5
+        met = {plan: simulate(model, plan, futures, seed=seed) for plan in left}
+        earned = {plan: one.utility for plan, one in met.items() if np.mean(one.overrun) <= most_overrun}
+        ranked = sorted(earned, key=lambda plan: -float(earned[plan].mean()))
+        left = {}
+        for plan in ranked:
+            if len(left) < most and _may_win(earned[plan], list(left.values())):
+                left[plan] = earned[plan]
+        if len(left) < 2:
+            break
+    return left
+
+
+def _may_win(earned: Floats, others: list[Floats]) -> bool:
+    """Return whether a plan may be better than the first of others by as much as matters."""
+    if not others:
+        return True
+    behind = others[0] - earned
+    ahead = SURE * float(behind.std()) / len(behind) ** 0.5 - float(behind.mean())
+    matters = MATTERS * abs(float(others[0].mean()))
+    return ahead > matters and not any(np.array_equal(earned, other) for other in others)
+
+
+def order_in_futures(model: Model, begin: Order, *, seed: int, fits: Fits = lambda _: True) -> Order:
     """Return the order that no single change makes better for sure, begun from one of observations by number.
 
-    A change must win by `SURE` standard errors in `CLOSE` futures of `seed`.
+    Orders whose plans do not `fit` are passed over. A change must win by `SURE` standard errors in `CLOSE`
+    futures of `seed`.
     """
     order, earned = begin, _earned(model, begin, CLOSE, seed)
     for _ in range(ROUNDS):
-        scanned = {new: float(_earned(model, new, SCANNED, seed).mean()) for new in changed(model, order)}
+        near = [new for new in changed(model, order) if fits(route_plan(model, new))]
+        scanned = {new: float(_earned(model, new, SCANNED, seed).mean()) for new in near}
         likely = sorted(scanned, key=lambda new: (-scanned[new], new))
         best, gain, kept = order, 0.0, earned
         for new in likely[:TRIED]:

@@ -4,6 +4,8 @@ planner.
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -18,6 +20,9 @@ from planner.tally import spend
 
 MAX_LABELS = 60_000
 """Labels after which the best route so far is taken. By hand."""
+
+MOST_LEFT_OUT = 2
+"""Drives of an order that are tried together without a way through other places, beside all. By hand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,16 +186,21 @@ def _kept(rivals: list[_Label], new: _Label) -> bool:
     return True
 
 
-def route_plan(model: Model, order: tuple[int, ...], on_fail: OnFail = OnFail.SKIP) -> Plan:
+def route_plan(
+    model: Model, order: tuple[int, ...], on_fail: OnFail = OnFail.SKIP, direct: Collection[int] = ()
+) -> Plan:
     """Return the plan that tracks what a route from the start places on, and follows it."""
-    return (*track_steps(model, set(order)), *route_steps(model, order, 0, on_fail))
+    return (*track_steps(model, set(order)), *route_steps(model, order, 0, on_fail, direct))
 
 
-def route_steps(model: Model, order: tuple[int, ...], place: int, on_fail: OnFail) -> Plan:
+def route_steps(
+    model: Model, order: tuple[int, ...], place: int, on_fail: OnFail, direct: Collection[int] = ()
+) -> Plan:
     """Return the drives and observations of a route, each drive to a placed target asking for its track.
 
     A plan that skips comes back for the observations of later stays, so each drive asks for its own stay
-    alone; one that stops does not.
+    alone; one that stops does not. To the observations at the positions `direct` no drive leads through other
+    places: where no leg leads to them from where the rover then is, they are left out.
     """
     steps: list[Step] = []
     at = [int(model.obs_place[m]) for m in order]
@@ -201,11 +211,25 @@ def route_steps(model: Model, order: tuple[int, ...], place: int, on_fail: OnFai
             if on_fail is OnFail.SKIP:
                 rest = range(k, next((j for j in rest if at[j] != target), len(order)))
             tracked = all(model.is_place[order[j]] for j in rest if at[j] == target)
-            steps += round_about(model, place, target)
+            if k not in direct:
+                steps += round_about(model, place, target)
             steps.append(Navigate(tid, tracked, on_fail))
             place = target
         steps.append(Observe(model.observation_ids[m], tid, on_fail))
     return tuple(steps)
+
+
+def routes_of(model: Model, order: tuple[int, ...]) -> list[Plan]:
+    """Return the plans without branches that follow an order.
+
+    There are several where no leg leads from one observation to the next: the rover goes through other places
+    there, or leaves the next out. The latter pays where a drive before may fail, and the budget is short.
+    """
+    at = [0, *(int(model.obs_place[m]) for m in order)]
+    missing = tuple(k for k, (a, b) in enumerate(pairwise(at)) if len(model.hops(a, b)) > 1)
+    few = range(1 + min(len(missing), MOST_LEFT_OUT))
+    some = itertools.chain.from_iterable(itertools.combinations(missing, count) for count in few)
+    return [route_plan(model, order, direct=direct) for direct in dict.fromkeys((*some, missing))]
 
 
 def round_about(model: Model, place: int, target: int) -> list[Step]:
