@@ -5,6 +5,7 @@
     python -m studies.domains --tuning                          # seeds that constants were set on;
     writes nothing
     python -m studies.domains --out docs --trackers             # odometry alone
+    python -m studies.domains --out docs --seed 734112 --resume # go on after a stop, at the same commit
 
 Domains: (a) the own renderer, (b) its geometry under the grain, albedo and blur of real Mars frames, (c) real
 stereo pairs turned and zoomed by known geometry and compressed to 1 to 4 bits a pixel, (d) MuJoCo's renderer
@@ -13,18 +14,21 @@ its outline. A run with a fault is counted on its own lines: an unknown jump of 
 board in front for two stops, the sun gone round.
 
 Domain (d) needs what `studies/common/mujoco_pictures.py` names: `pip install -r studies/offscreen.txt` and a
-driver that draws without a screen. The table is written anew after each seed.
+driver that draws without a screen. The table is written anew after each seed, with the counts that it has by
+then; the answers on each approach are kept beside its pictures, and `--resume` takes those of this commit.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import math
+import pickle
 import subprocess
 import tempfile
 import time
 from collections import defaultdict
-from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -39,13 +43,18 @@ from studies.common.domain_rows import (
     odometry_warped,
     sums,
 )
-from studies.common.domain_runs import FAULTS, Fault, Run, kept_run
+from studies.common.domain_runs import FAULTS, Fault, kept_run
 from studies.common.domain_split import PAIRS, Purpose, Seeds, reporting, tuning
 from studies.common.pages import table, write_section
 from studies.common.warped import warped_run
 
 SHARED = Path(__file__).resolve().parents[1].parent / "shared"
-TRACKERS = {"correlation": "ncc", "correlation and narrow pair": "ncc-narrow", "features": "sift"}
+TRACKERS = {
+    "correlation": "ncc",
+    "correlation and narrow pair": "ncc-narrow",
+    "features": "sift",
+    "features and shape": "sift-shape",
+}
 """What is reported, and its name among the trackers of the program."""
 DOMAINS = {
     "own": "(a) own renderer",
@@ -58,48 +67,86 @@ Key = tuple[str, str, str]
 """Tracker, domain, "nominal" or "faults"."""
 
 
+@dataclass(slots=True)
+class Answers:
+    """What came of one approach: by tracker what `follow` has found, and the steps of odometry."""
+
+    found: dict[str, tuple[list[Row], int]] = field(default_factory=dict)
+    steps: list[OdometryRow] = field(default_factory=list)
+
+
 class Figures:
-    """Rows of all runs, by tracker, domain and kind, and the commit whose code they are of."""
+    """Rows of all runs, by tracker, domain and kind; the seeds of each kind, the commit of the code."""
 
     def __init__(self) -> None:
         self.rows: dict[Key, list[Row]] = defaultdict(list)
         self.refused: dict[Key, int] = defaultdict(int)
         self.steps: dict[str, list[OdometryRow]] = defaultdict(list)
+        self.seeds: dict[str, list[int]] = {"nominal": [], "faults": []}
         head = ["git", "rev-parse", "--short", "HEAD"]
         self.commit = subprocess.run(head, capture_output=True, text=True, check=True).stdout.strip()
 
-    def add(self, key: Key, found: tuple[list[Row], int]) -> None:
-        """Take what `follow` has found."""
-        self.rows[key] += found[0]
-        self.refused[key] += found[1]
+    def add(self, domain: str, kind: str, answers: Answers) -> None:
+        """Take the answers on one approach."""
+        for name, (rows, refused) in answers.found.items():
+            self.rows[(name, domain, kind)] += rows
+            self.refused[(name, domain, kind)] += refused
+        self.steps[domain] += answers.steps
 
 
-def runs(
-    seed: int, purpose: Purpose, arguments: argparse.Namespace, faults: tuple[Fault, ...]
-) -> Iterator[Run]:
-    """Yield the approaches of a seed in each domain that is rendered, with each of some faults ("": none)."""
-    for domain in (d for d in RENDERED if d in arguments.domains):
-        for fault in faults:
-            yield kept_run(domain, seed, purpose, arguments.imagery, arguments.pictures, fault)
-
-
-def measure(
-    figures: Figures, seed: int, purpose: Purpose, arguments: argparse.Namespace, faults: tuple[Fault, ...]
-) -> None:
-    """Add the rows of every tracker on the runs of a seed with each of some faults ("": none)."""
-    for run in runs(seed, purpose, arguments, faults):
+def answered(
+    figures: Figures, seed: int, domain: str, fault: Fault, arguments: argparse.Namespace
+) -> Answers:
+    """Return what every tracker answers on one approach, with `--resume` as it was kept."""
+    folder: Path = arguments.pictures
+    kept = (
+        folder / f"answers_{figures.commit}_{domain}_{arguments.purpose}_{seed}_{fault or 'nominal'}.pickle"
+    )
+    answers = Answers()
+    if arguments.resume and kept.is_file():
+        with kept.open("rb") as stream:
+            answers = pickle.load(stream)
+    missing = [name for name in arguments.trackers if name not in answers.found]
+    if missing or not (answers.steps or fault):
         started = time.process_time()
-        for name in arguments.trackers:
-            figures.add((name, run.domain, "faults" if run.fault else "nominal"), follow(run, TRACKERS[name]))
-        if not run.fault:
-            figures.steps[run.domain] += odometry(run)
+        run = kept_run(domain, seed, arguments.purpose, arguments.imagery, folder, fault)
+        for name in missing:
+            answers.found[name] = follow(run, TRACKERS[name])
+        if not fault and not answers.steps:
+            answers.steps = odometry(run)
+        with kept.open("wb") as stream:
+            pickle.dump(answers, stream)
         spent = time.process_time() - started
-        print(f"  {run.domain} {run.seed} {run.fault or 'nominal'}: {spent:.0f} s", flush=True)
-    for pair in PAIRS[purpose] if "warped" in arguments.domains and "" in faults else ():
+        print(f"  {domain} {seed} {fault or 'nominal'}: {spent:.0f} s of processor", flush=True)
+    return Answers({name: answers.found[name] for name in arguments.trackers}, answers.steps)
+
+
+def warped(seed: int, arguments: argparse.Namespace) -> Answers:
+    """Return what trackers answer on the real pairs of domain (c): there is no narrow pair, no arrival."""
+    answers = Answers()
+    for pair in PAIRS[arguments.purpose]:
         sights = warped_run(pair, seed, arguments.imagery)
-        for name in (n for n in arguments.trackers if TRACKERS[n] != "ncc-narrow"):  # it has no such pair
-            figures.add((name, "warped", "nominal"), follow_warped(sights, TRACKERS[name]))
-        figures.steps["warped"] += odometry_warped(sights)
+        for name in (n for n in arguments.trackers if TRACKERS[n] in ("ncc", "sift")):
+            rows, refused = follow_warped(sights, TRACKERS[name])
+            before = answers.found.get(name, ([], 0))
+            answers.found[name] = before[0] + rows, before[1] + refused
+        answers.steps += odometry_warped(sights)
+    return answers
+
+
+def measure(figures: Figures, seed: int, arguments: argparse.Namespace, *, faulty: bool) -> None:
+    """Add the answers on the runs of a seed, with and without faults as they are asked for."""
+    rendered = [domain for domain in RENDERED if domain in arguments.domains]
+    if "nominal" in arguments.kinds:
+        for domain in rendered:
+            figures.add(domain, "nominal", answered(figures, seed, domain, "", arguments))
+        if "warped" in arguments.domains:
+            figures.add("warped", "nominal", warped(seed, arguments))
+        figures.seeds["nominal"].append(seed)
+    if faulty:
+        for domain, fault in itertools.product(rendered, FAULTS):
+            figures.add(domain, "faults", answered(figures, seed, domain, fault, arguments))
+        figures.seeds["faults"].append(seed)
 
 
 def tracker_table(figures: Figures) -> str:
@@ -178,11 +225,16 @@ def report(figures: Figures, seeds: Seeds, docs: Path) -> None:
     """
     if seeds.purpose is not Purpose.REPORTING:
         raise ValueError("figures of tuning seeds are not reported")
-    drawn = f"Seeds {seeds.values[0]} to {seeds.values[-1]}"
-    note = f"{drawn}, drawn when the command ran; commit {figures.commit}."
+    told = [f"{kind}: {_span(done)}" for kind, done in figures.seeds.items() if done]
+    note = f"Seeds, drawn when the command ran: {'; '.join(told)}. Commit {figures.commit}."
     if figures.rows:
         write_section(docs, "tracking", "domains", f"{note}\n\n{tracker_table(figures)}")
     write_section(docs, "tracking", "odometry", f"{note}\n\n{odometry_table(figures)}")
+
+
+def _span(seeds: list[int]) -> str:
+    """Return consecutive seeds in words."""
+    return str(seeds[0]) if len(seeds) == 1 else f"{seeds[0]} to {seeds[-1]} ({len(seeds)} worlds)"
 
 
 def main() -> None:
@@ -193,6 +245,7 @@ def main() -> None:
     parser.add_argument("--faults", type=int, default=4)
     parser.add_argument("--seed", type=int)
     parser.add_argument("--tuning", action="store_true")
+    parser.add_argument("--resume", action="store_true")
     parser.add_argument("--trackers", nargs="*", choices=list(TRACKERS), default=list(TRACKERS))
     parser.add_argument("--domains", nargs="+", choices=list(DOMAINS), default=list(DOMAINS))
     parser.add_argument("--kinds", nargs="+", choices=("nominal", "faults"), default=("nominal", "faults"))
@@ -201,11 +254,11 @@ def main() -> None:
     arguments = parser.parse_args()
     chosen = tuning(arguments.worlds) if arguments.tuning else reporting(arguments.worlds, arguments.seed)
     print(f"{chosen.purpose} seeds {chosen.values}", flush=True)
+    arguments.purpose = chosen.purpose
     figures = Figures()
-    nominal = [(seed, ("",)) for seed in chosen.values if "nominal" in arguments.kinds]
-    faulty = [(s, FAULTS) for s in chosen.values[: arguments.faults] if "faults" in arguments.kinds]
-    for number, (seed, faults) in enumerate([*nominal, *faulty]):
-        measure(figures, seed, chosen.purpose, arguments, faults)
+    for number, seed in enumerate(chosen.values):
+        faulty = "faults" in arguments.kinds and number < arguments.faults
+        measure(figures, seed, arguments, faulty=faulty)
         if arguments.out is not None:
             report(figures, Seeds(chosen.purpose, chosen.values[: number + 1]), arguments.out)
     print(tracker_table(figures))

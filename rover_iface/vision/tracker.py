@@ -71,7 +71,8 @@ class TrackUpdate:
     state
         `TRACKED`, `LOST` or `FAILED`; a tracker never answers `IDLE`.
     position
-        (3,), frame of the view's cameras, metres: the last valid one while lost.
+        (3,), frame of the view's cameras, metres: while lost the last valid one, or where what lies round the
+        target has it.
     covariance
         (3, 3), m^2, of that position relative to the cameras.
     confidence
@@ -97,9 +98,9 @@ class TrackUpdate:
 class Tracker(Protocol):
     """Follows targets from stop to stop. Several at once; each has its own state.
 
-    An implementer promises: a lost target is told as `LOST`, with its last valid position, and found again
-    if it comes back within the allowed number of updates; after that it is `FAILED` until `clear`. Nothing
-    is drawn by chance: the same views give the same answers.
+    An implementer promises: a lost target is told as `LOST`, with its last valid position (or where what lies
+    round it has it), and found again if it comes back within the allowed number of updates; after that it is
+    `FAILED` until `clear`. Nothing is drawn by chance: the same views give the same answers.
     """
 
     def start(self, target: str, position: npt.ArrayLike, view: StereoView) -> TrackUpdate:

@@ -60,7 +60,9 @@ class Run:
 
 
 @dataclass(frozen=True)
-class _World:
+class World:
+    """A rock at the origin on generated ground, the rover's cameras and the sun."""
+
     terrain: Terrain
     renderer: Renderer
     rock: Rock
@@ -69,7 +71,8 @@ class _World:
 
 
 @lru_cache(maxsize=1)
-def _world(seed: int) -> _World:
+def world_of(seed: int) -> World:
+    """Return the world of a seed; the last one is kept."""
     rng = np.random.default_rng([seed, 0xD0A])
     terrain = generate_terrain(
         seed, 64.0, rock_cover=0.06, inner_m=30.0, crater=False, outcrop=False, relief_m=0.6, ortho=False
@@ -94,7 +97,7 @@ def _world(seed: int) -> _World:
     scene = scene_from_terrain(terrain, (0.0, 0.0), radius_m=14.0, far_m=60.0, seed=seed)
     azimuth = math.radians(270.0 + rng.uniform(-100, 100))
     sun = Sun.from_angles(azimuth, math.radians(float(rng.uniform(25, 60))))
-    return _World(terrain, Renderer(scene), rock, CameraRig(load_cameras("k9"), PIVOT), sun)
+    return World(terrain, Renderer(scene), rock, CameraRig(load_cameras("k9"), PIVOT), sun)
 
 
 def _off_path(rock: Rock) -> bool:
@@ -118,7 +121,7 @@ def kept_run(domain: str, seed: int, purpose: Purpose, imagery: Path, folder: Pa
 
 def make_run(domain: str, seed: int, purpose: Purpose, imagery: Path, fault: Fault = "") -> Run:
     """Return one approach of 6 to 10 m to 1.7 m in steps of a tenth of what remains."""
-    world = _world(seed)
+    world = world_of(seed)
     sensor = world.rig.mounted("navcam_left").sensor
     middle = np.array([0.0, 0.0, world.rock.z])
     paint = painter(domain, world.renderer, sensor, purpose, imagery, seed, middle)
@@ -128,7 +131,7 @@ def make_run(domain: str, seed: int, purpose: Purpose, imagery: Path, fault: Fau
         paint.close()
 
 
-def _approach(domain: str, seed: int, fault: Fault, world: _World, paint: Painter) -> Run:
+def _approach(domain: str, seed: int, fault: Fault, world: World, paint: Painter) -> Run:
     rng = np.random.default_rng([seed, 0xA99, FAULTS.index(fault) + 1 if fault else 0])
     look = np.array([0.0, 0.0, world.rock.z + 0.4 * world.rock.height])
     bend = math.radians(float(rng.uniform(-30, 30)))
@@ -157,7 +160,7 @@ def _approach(domain: str, seed: int, fault: Fault, world: _World, paint: Painte
         else:
             aim = told.apply(pose.site_from_rover.inverse().apply(look))
         aim = aim + rng.normal(0, 0.02, 3)
-        halts.append(Halt(*_pair(world, paint, pose, told, sun, aim, rng), pose, told, sun, travelled))
+        halts.append(Halt(*pair_of(world, paint, pose, told, sun, aim, rng), pose, told, sun, travelled))
         if remaining <= LAST_M + 1e-9:
             break
         moved = min(SHARE * remaining, remaining - LAST_M)
@@ -181,7 +184,7 @@ def _approach(domain: str, seed: int, fault: Fault, world: _World, paint: Painte
     targets = _targets(world, halts, rng)
     first, kind = halts[0], ("pancam", LARGEST_PX)
     again = np.random.default_rng([seed, 0x9A4])
-    narrow = _pair(
+    narrow = pair_of(
         world,
         paint,
         first.pose,
@@ -201,8 +204,8 @@ def _turned(error: Transform, pose: Pose, angle: float) -> Transform:
     return Transform(turn.rotation, here - turn.rotate(here)) * error
 
 
-def _pair(
-    world: _World,
+def pair_of(
+    world: World,
     paint: Painter,
     pose: Pose,
     told: Transform,
@@ -240,7 +243,7 @@ def _pair(
     return shots[0], shots[1]
 
 
-def _targets(world: _World, halts: list[Halt], rng: np.random.Generator, count: int = 5) -> list[Target]:
+def _targets(world: World, halts: list[Halt], rng: np.random.Generator, count: int = 5) -> list[Target]:
     import cv2
 
     first = halts[0].left

@@ -15,6 +15,7 @@ import numpy as np
 
 from rover_iface.cameras.model import Array
 from rover_iface.cameras.stereo import PointMatch
+from rover_iface.vision.correlation.carried import Carried
 from rover_iface.vision.correlation.gallery import Gallery
 from rover_iface.vision.template import AS_GOOD, NccOptions, Template, TemplateMatcher
 from rover_iface.vision.tracker import StereoView, TrackUpdate
@@ -54,11 +55,18 @@ class Followed:
     put: bool = False  # another look has told since where it is, better than the first view does
     expected: tuple[Array, Array] | None = None  # where the next look should have it, and its covariance
     alike: float = 1.0  # how well what is ranged at its place agreed with it when that was last asked
+    carried: Carried | None = None  # where a lost one is by what lies round it
 
     @property
     def believed(self) -> Array:
-        """Where the target is believed to be (3,): once it is lost, as the rover was told."""
-        return self.expected[0] if self.misses and self.expected is not None else self.last.point
+        """Where the target is believed to be (3,): once it is lost, as the rover was told, or by what lies
+        round it.
+        """
+        if not self.misses:
+            return self.last.point
+        if self.expected is not None:
+            return self.expected[0]
+        return self.last.point if self.carried is None else self.carried.point
 
 
 @dataclass(slots=True)

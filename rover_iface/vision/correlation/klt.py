@@ -81,6 +81,7 @@ class KltTracker(NccTracker):
         self.flow = flow or FlowOptions()
 
     looks_twice = False
+    looks_round = False
 
     def _match(
         self, track: Followed, view: StereoView, judged: Judgement, *, by_ranges: bool = False

@@ -1,0 +1,116 @@
+"""A target found again from a pose that the rover has lost, in another light; and what is refused."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from rover_iface.cameras.model import Array
+from rover_iface.errors import TrackerError
+from rover_iface.frames import Pose, Transform
+from rover_iface.simulator.render.picture import Frame
+from rover_iface.simulator.render.renderer import Sun
+from rover_iface.vision.reacquisition import KnownPair, Reacquired, reacquire
+from rover_iface.vision.tracker import StereoView
+from tests.rover_iface.render.scenes import SUN, picture
+
+LATER = Sun.from_angles(math.radians(300.0), math.radians(40.0))
+HALF = 200
+LOOK = np.array([0.0, 0.0, 0.4])
+
+
+@lru_cache(maxsize=16)
+def frames(x: float, y: float, heading: float, sun: Sun) -> tuple[Frame, Frame]:
+    pose = Pose(x, y, 0.0, heading)
+    left = picture(pose, sun=sun, seed=1, half=HALF)
+    return left, picture(pose, "navcam_right", sun=sun, seed=2, exposure=left.exposure, half=HALF)
+
+
+def pair(
+    x: float, y: float = 0.0, heading: float = 0.0, sun: Sun = SUN, lost: Transform | None = None
+) -> tuple[StereoView, Frame]:
+    """Return what a rover sees; `lost` moves what it believes of its pose."""
+    left, right = frames(x, y, heading, sun)
+    cameras = [f.camera if lost is None else f.camera.transformed(lost) for f in (left, right)]
+    return StereoView(left.unit, right.unit, *cameras), left
+
+
+def lost_pose(x: float, y: float, shift: tuple[float, float], turn_deg: float) -> Transform:
+    """Return a believed pose from a true one: turned where the rover stands, and shifted."""
+    turn = Transform.from_rpy(0.0, 0.0, math.radians(turn_deg))
+    here = np.array([x, y, 0.0])
+    return Transform(turn.rotation, here - np.asarray(turn.rotate(here)) + np.array([*shift, 0.0]))
+
+
+def target() -> Array:
+    """Return a point of the rock that the first picture shows."""
+    return np.asarray(frames(-5.0, 0.0, 0.0, SUN)[0].truth.point_site[HALF, HALF], dtype=np.float64)
+
+
+def found(now: StereoView) -> Reacquired:
+    return reacquire(KnownPair(pair(-5.0)[0]), target(), lambda point: now)
+
+
+@pytest.mark.parametrize("turn_deg", [-15.0, 0.0, 15.0])
+def test_a_target_is_found_to_a_pixel_after_a_lost_pose_in_another_light(turn_deg: float) -> None:
+    now, left = pair(-4.5, 0.4, 0.0, LATER, lost_pose(-4.5, 0.4, (0.6, -0.7), turn_deg))
+    answer = found(now)
+    assert answer.accepted, answer.reasons
+    assert np.hypot(*(answer.pixel - left.camera.project(target()))) < 1.0
+    away = answer.position - now.left_camera.C
+    assert np.linalg.norm(away) == pytest.approx(np.linalg.norm(target() - left.camera.C), abs=0.05)
+
+
+def test_a_pose_farther_off_than_a_rover_can_lose_is_refused() -> None:
+    now, _ = pair(-4.5, 0.4, 0.0, LATER, lost_pose(-4.5, 0.4, (1.8, 0.0), 0.0))
+    answer = found(now)
+    assert not answer.accepted
+    assert "from the believed one" in answer.reasons[0]
+
+
+def test_another_place_is_refused() -> None:
+    now, _ = pair(-4.5, 0.4)
+    rng = np.random.default_rng(3)
+    noise = rng.random(now.left.shape).astype(np.float32)
+    other = StereoView(noise, noise, now.left_camera, now.right_camera)
+    assert not found(other).accepted
+
+
+def test_a_target_behind_a_board_is_refused() -> None:
+    now, _ = pair(-4.5, 0.4)
+    # a speckled board on the line of sight, a metre before the target
+    board_at = target() + (now.left_camera.C - target()) / np.linalg.norm(now.left_camera.C - target())
+    sides = []
+    for image, camera in ((now.left, now.left_camera), (now.right, now.right_camera)):
+        at = np.round(camera.project(board_at)).astype(int)
+        covered = image.copy()
+        board = np.random.default_rng(5).random((81, 81)).astype(np.float32)
+        covered[at[1] - 40 : at[1] + 41, at[0] - 40 : at[0] + 41] = board
+        sides.append(covered)
+    answer = found(StereoView(sides[0], sides[1], now.left_camera, now.right_camera))
+    assert not answer.accepted
+    assert answer.agreeing >= 18  # the pose was found: it is the surface that is another one
+
+
+def test_a_target_outside_the_first_picture_is_looked_for_by_the_pose_that_this_tells() -> None:
+    known = KnownPair(pair(-5.0)[0])
+    now, left = pair(-4.5, 0.4, 0.0, LATER, lost_pose(-4.5, 0.4, (0.6, -0.7), 10.0))
+    asked: list[Array] = []
+
+    def look(point: Array) -> StereoView:
+        asked.append(point)
+        if len(asked) > 2:
+            raise TrackerError("no more")
+        if len(asked) == 2:
+            return now
+        rows, columns = now.left.shape
+        blank = np.full((rows, columns), 0.5, np.float32)
+        return StereoView(blank, blank, now.left_camera, now.right_camera)
+
+    answer = reacquire(known, target(), look)
+    assert answer.accepted, answer.reasons
+    assert len(asked) == 2
+    assert np.hypot(*(answer.pixel - left.camera.project(target()))) < 1.0
