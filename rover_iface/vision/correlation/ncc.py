@@ -56,10 +56,11 @@ Drift = tuple[Array, Array]
 NOWHERE = np.full(2, np.nan)
 FOUND_AGAIN = 0.75
 """Most confidence in a target at the stop at which it is found again."""
-AGAIN_SURE = 0.75
-"""Chance that a lost target must have of lying within `BELIEVED_M` of a match, across the line of sight, to
-be taken up again there: at 0.5 one in two is wrong. One that the sun's other side shows was taken up 9 cm
-off, told with 0.55, and followed for eleven stops (tuning seed 3 of the draped domain)."""
+LEAST_SURE, AGAIN_SURE = 0.5, 0.75
+"""Chance of lying within `BELIEVED_M` of a match, across the line of sight, that a target must have to be
+followed, and to be taken up again once it was lost: at 0.5 one in two is wrong. One that the sun's other side
+shows was taken up 9 cm off, told with 0.55, and followed for eleven stops (tuning seed 3 of the draped
+domain)."""
 KEYS = 3
 """Earlier views that are tried at a stop, the best first."""
 KNOWN_SHARE, KNOWN_SCORE = 0.03, 0.5
@@ -320,8 +321,11 @@ class NccTracker:
         drift = last.drift + open_m2 * np.eye(3), last.parallax
         judged = Judgement(scores={"range_m": away, "features": float(found.features)})
         judged.scores["patches"] = float(found.agreeing)
-        track.misses = max(1, track.misses)  # it was lost, if only for a moment: its confidence is bounded
-        return self._accept(target, track, view, found.pixel, match, drift, judged)
+        track.misses += 1  # it was lost, if only for a moment
+        if self._is_sure(track, view, found.pixel, match, drift, judged):
+            return self._accept(target, track, view, found.pixel, match, drift, judged)
+        track.misses -= 1
+        return None
 
     def _known_pair(self, view: StereoView) -> KnownPair:
         """Return what is known of the surroundings in a pair: targets last seen in the same one share it."""
@@ -352,15 +356,24 @@ class NccTracker:
         if judged.reasons:
             return judged
         at, match, drift = self._against_first(track, view, at, match, drift, judged)
-        if track.misses:
-            away = judged.scores["range_m"]
-            now = Template(view.left, view.left_camera, at, match.point, match.normal, away, *drift)
-            sure = chance_believed(self._covariance(view, match, now), match.point - view.left_camera.C)
-            if sure < AGAIN_SURE:
-                reason = f"it lies within {BELIEVED_M} m of there with a chance of {sure:.2f}"
-                judged.limit(-1.0, f"{reason}; {AGAIN_SURE} is needed to take it up again")
-                return judged
+        if not self._is_sure(track, view, at, match, drift, judged):
+            return judged
         return self._accept(target, track, view, at, match, drift, judged)
+
+    def _is_sure(
+        self, track: Followed, view: StereoView, at: Array, match: PointMatch, drift: Drift, judged: Judgement
+    ) -> bool:
+        """Return whether a match is known well enough to be followed, or to be taken up again."""
+        now = Template(
+            view.left, view.left_camera, at, match.point, match.normal, judged.scores["range_m"], *drift
+        )
+        sure = chance_believed(self._covariance(view, match, now), match.point - view.left_camera.C)
+        needed = AGAIN_SURE if track.misses else LEAST_SURE
+        if sure >= needed:
+            return True
+        reason = f"it lies within {BELIEVED_M} m of there with a chance of {sure:.2f}"
+        judged.limit(-1.0, f"{reason}; {needed} is needed")
+        return False
 
     def _against_first(
         self,
