@@ -30,7 +30,7 @@ from planner.evaluate.propagate import Backward, Evaluator
 from planner.large_plans import Checked, checked, plan_large
 from planner.notes import annotate, annotate_sampled
 from planner.options import PlannerOptions
-from planner.plan_choice import drop_rare, held_up
+from planner.plan_choice import drop_rare, held_up, settled_value
 from planner.plan_edits import fitted
 from planner.plan_tree import Plan, PlanTree, TrackStart, count_branches, planned_observations
 from planner.problem import Problem
@@ -289,14 +289,27 @@ def chosen(order: Order, model: Model, curve: Curve) -> Chosen:
     if order.must and not order.must <= _main_line(found.plan):
         route = mean_seed(model, must=sum(1 << m for m in range(model.m) if model.must_do[m]))
         found = _held_up(order, model, [(0.0, route_plan(model, route))])
-    return _or_order(order, model, found)
+    return _settled(order, model, _or_order(order, model, found))
+
+
+def _settled(order: Order, model: Model, found: Chosen) -> Chosen:
+    """Return what was found, with its value from finer grids, or from its check, where the usual grids have
+    not settled.
+    """
+    if order.quick or order.plan_only or len(model.sols.chance) or found.check is None:
+        return found
+    told = settled_value(model, found.plan, found.check, order.watch.work_s)
+    if told is None:
+        return found
+    value, evaluator = told
+    return Chosen(found.plan, found.check, [*(min(v, value) for v in found.values[:-1]), value], evaluator)
 
 
 def _or_order(order: Order, model: Model, found: Chosen) -> Chosen:
     """Return what was found, or an order without branches where futures say that it earns more."""
     options = order.options
-    nodes = options.quick_nodes if order.quick else options.search_nodes
-    asked = model.m <= MOST_ENUMERATED or order.must or _blurred(model, nodes)
+    blurred = _blurred(model, options.quick_nodes if order.quick else options.search_nodes)
+    asked = model.m <= MOST_ENUMERATED or order.must or blurred
     late = order.watch.limit_s < SHORT_S and order.watch.stop()
     if order.plan_only or order.strategy != "optimal" or not asked or late:
         return found
@@ -312,7 +325,10 @@ def _or_order(order: Order, model: Model, found: Chosen) -> Chosen:
         return found
     count = options.quick_check_futures if order.quick else options.check_futures
     check = simulate(model, plan, count, seed=order.seed + 1).estimate()
-    return Chosen(plan, check, [check.mean] * len(found.values), "monte-carlo")
+    value, evaluator = check.mean, "monte-carlo"
+    if not blurred and not len(model.sols.chance):
+        value, evaluator = Evaluator(model.within_reach()).value(plan).value, "grid"
+    return Chosen(plan, check, [value] * len(found.values), evaluator)
 
 
 def _blurred(model: Model, nodes: tuple[int, int]) -> bool:
