@@ -110,7 +110,11 @@ class SiftOptions:
 
 @dataclass(slots=True)
 class _Chain:
-    """Targets that share features: the last valid stop and what came of the present one."""
+    """Targets that share features: the last valid stop and what came of the present one.
+
+    `recent` are the features of the stop before where that was not valid, `step` is the motion since then: in
+    another light nothing is as it was at the last valid stop, and everything as it was a moment ago.
+    """
 
     view: StereoView
     valid_view: StereoView
@@ -118,6 +122,9 @@ class _Chain:
     motion: Motion | None = None
     stops: int = 0
     coasted_m: float = 0.0
+    recent: Features | None = None
+    step: Motion | None = None
+    moved_m: float = 0.0
 
 
 @dataclass(slots=True)
@@ -131,6 +138,13 @@ class _Target:
     state: TrackState = TrackState.TRACKED
     misses: int = 0
     answer: TrackUpdate | None = None
+    carried: tuple[Array, Array] | None = None
+    """Where a target that is not seen is believed (3,), m, and the covariance (3, 3), m^2, of that."""
+
+    @property
+    def believed(self) -> tuple[Array, Array]:
+        """Return where it is believed, and the covariance of that."""
+        return (self.position, self.covariance) if self.carried is None else self.carried
 
 
 @dataclass(slots=True, kw_only=True)
@@ -145,7 +159,8 @@ class SiftTracker:
 
     A stop whose features do not match keeps the last valid ones: the target stays where dead reckoning has
     it, its covariance grows with the distance driven, and the next stop is matched against the last valid
-    one. After `lost_updates` such stops the target has failed.
+    one. Where that fails again it goes with the features of the stop before (as shipped). After
+    `lost_updates` such stops the target has failed.
 
     Its confidence, as published, is 1 / (1 + exp(-a (n - N))) of the number n of features that agree on the
     motion: 0.5 at N = 30. As shipped it is the least of that count's (with N at twice the least number of
@@ -224,17 +239,13 @@ class SiftTracker:
         if track.view is view and track.answer is not None:
             return track.answer
         track.view = view
-        if track.state is TrackState.FAILED:
-            track.answer = self._answer(
-                target, view, track.covariance, 0, ("failed earlier; clear it first",)
-            )
-            return track.answer
         chain = track.chain
         if chain.view is not view:
             self._advance(chain, view)
-        if chain.motion is None:
+        if track.state is TrackState.FAILED or chain.motion is None:
             track.answer = self._coast(target, track, view)
             return track.answer
+        track.carried = None
         track.position, track.covariance = chain.motion.at(track.position, track.covariance)
         if isinstance(track, _Anchored):
             track.anchor.normal = np.asarray(chain.motion.new_from_old.rotate(track.anchor.normal))
@@ -286,7 +297,7 @@ class SiftTracker:
 
     def predicted(self, target: str) -> Array:
         """Return where the target is believed to be."""
-        return self._get(target).position
+        return self._get(target).believed[0]
 
     def clear(self, target: str) -> None:
         """Forget a target."""
@@ -354,12 +365,17 @@ class SiftTracker:
     def _advance(self, chain: _Chain, view: StereoView) -> None:
         """Find the motion to a new stop; without one the last valid stop stays the one to match."""
         chain.stops += 1
-        chain.coasted_m += float(np.linalg.norm(view.left_camera.C - chain.view.left_camera.C))
+        chain.moved_m = float(np.linalg.norm(view.left_camera.C - chain.view.left_camera.C))
+        chain.coasted_m += chain.moved_m
         chain.view = view
         fresh = self.find(view)
         motion = self.motion(chain.features, fresh, view, seed=chain.stops, driven_m=chain.coasted_m)
         if motion is not None and motion.doubtful and not self._confirmed(chain, motion, view):
             motion = None
+        recent, chain.step, chain.recent = chain.recent, motion, fresh
+        if motion is None and recent is not None and self.shipped:
+            found = self.motion(recent, fresh, view, seed=chain.stops, driven_m=chain.moved_m)
+            chain.step = None if found is None or found.doubtful else found
         chain.motion = motion
         if motion is not None:
             # a stop that shows little moves the features it has: they may be needed for the next; so does one
@@ -387,21 +403,28 @@ class SiftTracker:
         return False
 
     def _coast(self, target: str, track: _Target, view: StereoView) -> TrackUpdate:
-        """Answer by dead reckoning, covariance widened by what that may be off since the last valid stop."""
-        options = self.options
-        track.misses += 1
-        track.state = TrackState.FAILED if track.misses > options.lost_updates else TrackState.LOST
-        moved = track.chain.coasted_m
-        lever = float(np.linalg.norm(track.position - view.left_camera.C))
-        turned = options.heading_rad * math.sqrt(moved) * lever
-        spread = track.covariance
-        if self.shipped:
-            spread = spread + ((options.odometry_share * moved) ** 2 + turned**2) * np.eye(3)
-        if track.state is TrackState.FAILED:
-            track.covariance = spread
+        """Answer about a target that is not seen.
+
+        It goes with the features of the stop before, or stays where dead reckoning has it, with a covariance
+        that is widened by what that may be off.
+        """
+        options, chain = self.options, track.chain
         why = f"fewer than {options.least} features agree on the motion"
-        # half of what the figures allow: nothing has been seen
-        confidence = 0.5 * min(self._count(0), _within(spread, view, track.position, options.error_m))
+        if track.state is TrackState.FAILED:
+            why = "failed earlier; clear it first"
+        else:
+            track.misses += 1
+            track.state = TrackState.FAILED if track.misses > options.lost_updates else TrackState.LOST
+        place, spread = track.believed
+        if chain.step is not None:
+            place, spread = chain.step.at(place, spread)
+        elif self.shipped:
+            lever = float(np.linalg.norm(place - view.left_camera.C))
+            turned2 = options.heading_rad**2 * chain.moved_m * lever**2
+            spread = spread + ((options.odometry_share * chain.moved_m) ** 2 + turned2) * np.eye(3)
+        track.carried = place, spread
+        # half of what no feature allows, times the chance that it is where it is believed
+        confidence = 0.5 * self._count(0) * _within(spread, view, place, options.error_m)
         return self._answer(target, view, spread, 0, (why,), confidence if self.shipped else None)
 
     def _count(self, inliers: int) -> float:
@@ -447,10 +470,10 @@ class SiftTracker:
         return TrackUpdate(
             target=target,
             state=track.state,
-            position=track.position,
+            position=track.believed[0],
             covariance=spread,
             confidence=self._count(count) if confidence is None else confidence,
-            pixel=view.left_camera.project(track.position) if tracked else np.full(2, np.nan),
+            pixel=view.left_camera.project(track.believed[0]) if tracked else np.full(2, np.nan),
             reasons=reasons,
             scores=scores,
         )

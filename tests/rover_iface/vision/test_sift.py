@@ -100,7 +100,13 @@ def test_without_matches_the_target_coasts_and_comes_back_or_fails() -> None:
     for _ in range(3):
         update = tracker.update("A", replace(now, left=np.zeros_like(now.left)))
     assert update.state is TrackState.FAILED
-    assert tracker.update("A", view(-4.37)).state is TrackState.FAILED
+    for x in (-4.37, -3.93, -3.54):
+        # given up, it is believed ever less where it was
+        later = tracker.update("A", view(x))
+        assert later.state is TrackState.FAILED
+        assert later.confidence < update.confidence
+        assert np.trace(later.covariance) > np.trace(update.covariance)
+        update = later
 
 
 @given(
