@@ -199,14 +199,14 @@ class MatchJudge:
             + options.odometry_share * abs(view.travelled_m - track.start_travel_m)
             + 0.05
         )
-        self._expected(track, view, match, judged)
+        self.expected(track, view, match, judged)
         scores["total_correction_m"] = total
         scores["total_tolerance_m"] = allowed
         judged.limit(
             1.0 - total / allowed, f"position corrected by {total:.2f} m in all, over {allowed:.2f} m"
         )
 
-    def _expected(self, track: Followed, view: StereoView, match: PointMatch, judged: Judgement) -> None:
+    def expected(self, track: Followed, view: StereoView, match: PointMatch, judged: Judgement) -> None:
         """Judge a match by where the drive and the other targets have this one, if that was told."""
         if track.expected is None:
             return

@@ -321,6 +321,9 @@ class NccTracker:
         drift = last.drift + open_m2 * np.eye(3), last.parallax
         judged = Judgement(scores={"range_m": away, "features": float(found.features)})
         judged.scores["patches"] = float(found.agreeing)
+        self.judge.expected(track, view, match, judged)
+        if judged.reasons:
+            return None
         track.misses += 1  # it was lost, if only for a moment
         if self._is_sure(track, view, found.pixel, match, drift, judged):
             return self._accept(target, track, view, found.pixel, match, drift, judged)
@@ -332,7 +335,7 @@ class NccTracker:
         known = next((pair for pair in self._pairs if pair.side.view is view), None)
         if known is None:
             known = KnownPair(view)
-            self._pairs = [known, *self._pairs[:1]]
+            self._pairs = [known, *self._pairs[:3]]
         return known
 
     def _try(
