@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
 from rover_iface.cameras.model import Array, CameraModel
 from rover_iface.cameras.stereo import PointMatch, PointStereo, point_stereo
@@ -27,7 +28,7 @@ from rover_iface.vision.drape import SIGMA_PX, DrapeOptions, drape, on_plane
 from rover_iface.vision.handoff import Side
 from rover_iface.vision.resection import resect
 from rover_iface.vision.sift_features import Features, detect, find_features, mutual
-from rover_iface.vision.sift_motion import Motion
+from rover_iface.vision.sift_motion import Motion, settle
 from rover_iface.vision.tracker import StereoView
 
 NEAREST_M, ROW_PX = 1.0, 1.5
@@ -37,13 +38,20 @@ FINE, FINE_SPREAD = PointStereo(template_px=9, plane_px=13, nearest_m=0.3), 0.15
 side a range that is off moves the pixel. Against the truth of 72 targets (tuning seeds 0 to 11) disparities
 of the trackers' window of 21 px were 0.35 px off, of 9 px 0.17: near an outline the wide one takes in what
 is behind."""
-LEAST_SCORE = 0.6
-"""Correlation of both images that the trackers' window needs: that of the patches (`drape.range_pixel`)."""
+LEAST_SCORE = 0.4
+"""Correlation of both images that the trackers' window needs: a face in its own shadow is mostly noise. A
+chance match that is no better has the expected range once in ten."""
 WIDE_SPREAD, WIDE_PX = 0.5, 3.0
 """Share of the range within which the trackers' window must find nothing else, and how far its disparity may
 be off: at an outline it was up to 1.4 px (the same targets)."""
 DISPARITY_PX = 0.2
 """Error of such a disparity."""
+LEVEL_RATIO, LEVEL_TRIES = 0.92, 3000
+"""Best over second-best descriptor distance of features that need agree only two by two, and how many twos
+are tried, those that are most alike in length first."""
+LEVEL_M, LEVEL_SHARE, LEVEL_APART_M = 0.25, 0.1, 0.4
+"""How far two matches may differ in height and, with a share of it, in distance: what stereo at half scale
+errs at 8 m, three deviations. And how far apart they must be to tell a turn."""
 LookAt = Callable[[Array], StereoView]
 """Takes a pair with the mast pointed at a point (3,), m, in the frame in which the rover believes to be."""
 
@@ -66,8 +74,9 @@ class ReacquisitionOptions:
     reach_px
         Consensus distance of the draws. Points ranged at half scale at 8 m are 6 cm off, a pixel of it after
         a metre to the side.
-    least_features, many_features
-        Features that must agree on a pose (a random one has 4 to 7 of 150), and that tell it without patches.
+    least_features, least_level, many_features
+        Features that must agree on a pose (a random one has 4 to 7 of 150), on an upright one (a random one:
+        2 to 4), and that tell it without patches.
     drape
         Those of the patches; they lie round the target.
     margin_px
@@ -87,12 +96,13 @@ class ReacquisitionOptions:
     ratio: float = 0.85
     reach_px: float = 2.5
     least_features: int = 14
+    least_level: int = 8
     many_features: int = 40
     drape: DrapeOptions = field(
         default_factory=lambda: DrapeOptions(patches=140, reach_m=1.2, least_agree=18)
     )
     margin_px: float = 8.0
-    most_error_px: float = 0.7
+    most_error_px: float = 1.0
     sigmas: float = 4.0
     share: float = 0.02
 
@@ -109,32 +119,55 @@ class KnownPair:
         self._posed: tuple[StereoView, Motion | str] | None = None
 
     @cached_property
-    def coarse(self) -> Features:
-        """Return the features of the pair at half its scale, ranged."""
-        return self._features(_halved(self.side.view))
+    def features(self) -> Features:
+        """Return the features of the pair at half its scale, ranged.
 
-    @cached_property
-    def fine(self) -> Features:
-        """Return the features of the pair, ranged."""
-        return self._features(self.side.view)
+        They are found in a fifth of the time, and change less with the light.
+        """
+        return self._features(_halved(self.side.view))
 
     def _features(self, view: StereoView) -> Features:
         return find_features(view, count=self.options.features, ratio=self.options.ratio, row_px=ROW_PX)
 
     def prepare(self) -> None:
         """Work out what the next call of `reacquire` may need."""
-        _ = self.coarse, self.fine, self.side.cloud
+        _ = self.features, self.side.cloud
 
     def pose(self, view: StereoView) -> Motion | str:
         """Return the motion that most features agree on, from the frame of what is known to that of a new
         pair's cameras; why not, in words.
-
-        Coarse ones are asked first: they are found in a fifth of the time, and change less with the light.
         """
         if self._posed is None or self._posed[0] is not view:
-            found = self._agreed(_halved(view), self.coarse)
-            self._posed = view, self._agreed(view, self.fine) if isinstance(found, str) else found
+            small = _halved(view)
+            found = self._agreed(small, self.features)
+            if isinstance(found, str):
+                level = self._level(small, self.features)
+                found = f"{found}; {level}" if isinstance(level, str) else level
+            self._posed = view, found
         return self._posed[1]
+
+    def _level(self, view: StereoView, old: Features) -> Motion | str:
+        """Return the motion that keeps what is upright so, as most features agree that both pairs range."""
+        options, new = self.options, self._features(view)
+        pairs = mutual(old.descriptors, new.descriptors, LEVEL_RATIO)
+        one, two = pairs[:, 0], pairs[:, 1]
+        guess = level_motion(old.points[one], new.points[two], new.left_px[two], view.left_camera, options)
+        settled = None
+        if guess is not None:
+            settled = settle(
+                guess[0],
+                old.points[one],
+                old.unit_covariance[one],
+                new.left_px[two],
+                (view.left_camera,),
+                guess[1],
+                inlier_px=options.reach_px,
+                sigma_px=SIGMA_PX,
+            )
+        agree = 0 if settled is None else settled[0].inliers
+        if settled is None or agree < options.least_level:
+            return f"{agree} features agree on an upright pose; {options.least_level} are needed"
+        return _implausible(settled[0], view, options) or settled[0]
 
     def _agreed(self, view: StereoView, old: Features) -> Motion | str:
         options = self.options
@@ -155,6 +188,51 @@ class KnownPair:
         if settled is None or agree < options.least_features:
             return f"{agree} features agree on a pose; {options.least_features} are needed"
         return _implausible(settled[0], view, options) or settled[0]
+
+
+def level_motion(
+    old: Array, new: Array, seen: Array, camera: CameraModel, options: ReacquisitionOptions
+) -> tuple[Transform, npt.NDArray[np.bool_]] | None:
+    """Return the turn about the vertical and the shift that most matches agree on, and which (n,).
+
+    Every two matches tell one, so that one right match in twenty will do; three and their pixels alone need
+    one in seven.
+
+    Parameters
+    ----------
+    old, new
+        (n, 3), m, the points that match, as each pair ranges them in its own frame.
+    seen
+        (n, 2), px, where the new left image has them.
+    """
+    a, b = np.triu_indices(len(old), 1)
+    before, after = old[b] - old[a], new[b] - new[a]
+    yaw = np.arctan2(
+        before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0], (before[:, :2] * after[:, :2]).sum(axis=1)
+    )
+    long, far = (np.linalg.norm(v[:, :2], axis=1) for v in (before, after))
+    alike = np.abs(long - far) < LEVEL_SHARE * np.maximum(long, far) + LEVEL_M
+    good = alike & (long > LEVEL_APART_M) & (np.abs(yaw) < options.lost_rad)
+    good &= np.abs(before[:, 2] - after[:, 2]) < LEVEL_M
+    a, b, yaw, apart = a[good], b[good], yaw[good], np.abs(long - far)[good]
+    c, s = np.cos(yaw), np.sin(yaw)
+    turns = np.stack((c, -s, 0 * c, s, c, 0 * c, 0 * c, 0 * c, 1 + 0 * c), axis=1).reshape(-1, 3, 3)
+    middle = 0.5 * (old[a] + old[b])
+    shifts = 0.5 * (new[a] + new[b]) - np.einsum("kij,kj->ki", turns, middle)
+    # where the eye would be in the frame of what is known, against where it is believed
+    lost = np.einsum("kji,kj->ki", turns, camera.C - shifts) - camera.C
+    near = np.flatnonzero((np.linalg.norm(lost, axis=1) < options.lost_m) & (np.abs(lost[:, 2]) < LEVEL_M))
+    near = near[np.argsort(apart[near], kind="stable")[:LEVEL_TRIES]]
+    if not len(near):
+        return None
+    moved = np.einsum("kij,nj->kni", turns[near], old) + shifts[near][:, None]
+    with np.errstate(invalid="ignore"):
+        off = np.abs(camera.project(moved.reshape(-1, 3)).reshape(len(near), -1, 2) - seen).max(axis=2)
+        agree = off < 2.0 * options.reach_px
+    best = int(agree.sum(axis=1).argmax())
+    if int(agree[best].sum()) < 4:
+        return None
+    return Transform(turns[near[best]], shifts[near[best]]), agree[best]
 
 
 def _halved(view: StereoView) -> StereoView:
@@ -321,18 +399,17 @@ def _placed(
     seen = np.asarray(camera.project(there))
     if not (np.isfinite(seen).all() and view.shows(seen, options.margin_px)):
         return "it is outside the picture"
-    second = _fine(view, seen, float(np.linalg.norm(there - camera.C)))
-    if second is None or _covered(view, seen, there):
+    if _covered(view, seen, there):
         return "stereo does not range the surface there"
     standing = pair.left_camera.transformed(motion.new_from_old)
-    met = on_plane(standing, pixel, second)
-    if met is None:
-        return "the surface there is seen too flat"
-    far_m = float(np.linalg.norm(met - standing.C))
-    old, new = (_along(v, m) for v, m in ((pair, first), (view, second)))
+    second = _fine(view, seen, float(np.linalg.norm(there - camera.C)))
+    met = None if second is None else on_plane(standing, pixel, second)
+    far_m, old, new = near_m, _along(pair, first), math.inf
+    if second is not None and met is not None:
+        far_m, new = float(np.linalg.norm(met - standing.C)), _along(view, second)
     if abs(far_m - near_m) > options.sigmas * math.hypot(old, new) + options.share * near_m:
         return f"what is seen there is {100 * (far_m - near_m):+.0f} cm farther than it should be"
-    share = old**2 / (old**2 + new**2)
+    share = 1.0 / (1.0 + (new / old) ** 2)
     along = old * math.sqrt(1.0 - share)
     own = eye + (near_m + share * (far_m - near_m)) * ray
     position, covariance = motion.at(own, along**2 * np.outer(ray, ray))

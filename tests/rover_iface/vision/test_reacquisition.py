@@ -13,7 +13,13 @@ from rover_iface.errors import TrackerError
 from rover_iface.frames import Pose, Transform
 from rover_iface.simulator.render.picture import Frame
 from rover_iface.simulator.render.renderer import Sun
-from rover_iface.vision.reacquisition import KnownPair, Reacquired, reacquire
+from rover_iface.vision.reacquisition import (
+    KnownPair,
+    Reacquired,
+    ReacquisitionOptions,
+    level_motion,
+    reacquire,
+)
 from rover_iface.vision.tracker import StereoView
 from tests.rover_iface.render.scenes import SUN, picture
 
@@ -65,10 +71,24 @@ def test_a_target_is_found_to_a_pixel_after_a_lost_pose_in_another_light(turn_de
 
 
 def test_a_pose_farther_off_than_a_rover_can_lose_is_refused() -> None:
-    now, _ = pair(-4.5, 0.4, 0.0, LATER, lost_pose(-4.5, 0.4, (1.8, 0.0), 0.0))
+    now, _ = pair(-4.5, 0.4, 0.0, SUN, lost_pose(-4.5, 0.4, (1.8, 0.0), 0.0))
     answer = found(now)
     assert not answer.accepted
     assert "from the believed one" in answer.reasons[0]
+
+
+def test_eight_matches_of_a_hundred_tell_an_upright_pose() -> None:
+    rng = np.random.default_rng(8)
+    camera = pair(-4.5, 0.4)[0].left_camera
+    old, new = (camera.C + rng.uniform((3, -2, -1.7), (6, 2, -1.0), (100, 3)) for _ in range(2))
+    true = lost_pose(-4.5, 0.4, (0.6, -0.7), 12.0)
+    new[:8] = true.apply(old[:8])
+    seen = np.asarray(camera.project(new))
+    found = level_motion(old, new, seen, camera, ReacquisitionOptions())
+    assert found is not None
+    motion, agree = found
+    assert agree[:8].all()
+    assert np.allclose(motion.apply(old[:8]), new[:8], atol=1e-6)
 
 
 def test_another_place_is_refused() -> None:
