@@ -1,239 +1,188 @@
-"""An upper bound for every policy over several sols: expected drives as a flow from sol to sol.
+"""An upper bound for every policy over several sols: what the flow allows, and no chain of actions exceeds.
 
-The flow of `contingency.flow_bound`, once for each sol. Variables are expectations under a policy:
-`x[k, a, b]` drives a -> b on sol k that end within its budgets, `y[k, m]` observations that do, `e[k, p]`
-the chance that the rover stands at p after sol k, `B[k]` the charge in the morning. Every policy satisfies:
+First the flow of `flow_program`, a linear program with cuts. It lets the rover drive in fractions and knows
+no windows. Then multipliers u >= 0 on its rows of charges, entries and observations made once: every policy
+satisfies those rows, so it earns no more than
 
-1. *Time.* As there: a success of an action costs at least c = inf over R of E[min(X, R)] / P(X <= R).
-2. *Charge.* What an action draws, min(E, R) with R left above the reserve, is at least c for each success
-   (`least_draw`). So with U[k] the sum of c over successes, U[k] + reserve <= B[k], and since what a rest
-   makes of a charge is concave, B[k + 1] <= min(ceiling, B[k] - U[k] + gain) (Jensen).
-3. *Flow.* Where the rover stands after a sol it begins the next one: drives from p and `e[k, p]` are not more
-   than drives to p and `e[k - 1, p]`.
-4. *Entries.* What is observed on sol k is not more than the flow that comes to its place then; what is
-   observed at all not more than what comes there on all sols. Sets of places on all sols give cuts, found by
-   maximum flow.
-5. *Once.* Each observation is made at most once: sum over k of y[k, m] <= 1.
+    sum of u * limit  +  E[what its actions earn, less u times what they are in the rows],
+
+and the second is not more than the best chain earns (`chains`), whatever u is: a chain knows time, windows,
+nights and where the rover stands, and forgets but a part of what was observed. Least multipliers are sought by
+column generation: chains are columns of a small linear program, whose multipliers make the next chain. Between
+the best multipliers so far and those the next ones are taken (Pessoa et al. 2018), and cuts are added where
+the mixture of chains violates them. The search rounds durations to the nearest node; the bound is then worked
+out with its multipliers on a fine grid, where durations are rounded down.
+
+An observation that waits for its window draws the hotel load meanwhile. With w joules of waiting it draws
+E[min(w + E, R)] = w + E[min(E, R - w)] >= (w + c) P(w + E <= R) where it has R left, c as in `flow_program`: so
+waits are charged for where the observation succeeds. Overruns cost nothing here.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.csgraph import maximum_flow
 
-from planner.contingency.flow_bound import least_time
 from planner.contingency.linear_program import solved
-from planner.evaluate.model import Floats, Ints
-from planner.sols.least_draw import least_draw
+from planner.evaluate.model import Floats
+from planner.sols.chains import Along, Chains
+from planner.sols.flow_program import FlowProgram, Row, RowKind
 from planner.sols.path_problem import PathProblem
-from planner.tally import Step, now_s, spend, tallied
-
-SCALE = 1_000_000
-"""Flow units in which cuts are sought."""
-
-VIOLATED = 1e-3
-"""Least chance by which a cut must be violated to be added. By hand."""
-
-BINDING = 1e-6
-"""Slack up to which a cut counts as binding. By hand."""
-
-IDLE = 8
-"""Rounds without binding after which a cut is taken out. By hand: taken out at once, cuts come and go."""
+from planner.tally import now_s, tallied
 
 ROUNDS = 60
 """Rounds of cuts; the bound of any round holds. By hand."""
 
-LP_TOLERANCE = 1e-6
-"""Relative allowance for the solver's own tolerance of 1e-7 (HiGHS)."""
+TOLERANCE = 1e-6
+"""Relative allowance for the solver's own tolerance of 1e-7 (HiGHS), and for tails and settled values."""
 
 ENOUGH, STALLED = 1e-4, 3
 """Rounds in a row that lower the bound by less than this share, after which it is left. By hand."""
 
+USED = 1e-9
+"""Multiplier from which on a row is used."""
+
+CLOSE = 1e-3
+"""Share of the bound between chains and their mixture at which cuts are sought. By hand."""
+
+SMOOTH = 0.8
+"""Share of the best multipliers in the next ones. By hand."""
+
+COLUMNS = 600
+"""Most chains."""
+
+COARSE_NODES, REMEMBERED = 81, 3
+"""Nodes of the search, and observations that a place remembers. By hand."""
+
+FINE_NODES = {Along.CHARGE: 801, Along.TIME: 301}
+"""Nodes of the bound. By hand: rounding draws down costs the bound more than rounding times."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PathBound:
-    """No policy earns more than `value`; what the flow makes by sol (K, m)."""
+    """No policy earns more than `value`."""
 
     value: float
-    made: Floats
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Row:
-    at: Ints
-    values: Floats
-    limit: float
+class _Master:
+    """Mixtures of chains within the rows: its multipliers make the next chain."""
+
+    def __init__(self, flow: FlowProgram, multipliers: Floats) -> None:
+        self.flow = flow
+        used = [
+            (row, value)
+            for row, value in zip(flow.rows, multipliers, strict=True)
+            if row.kind in (RowKind.TIME, RowKind.CHARGE, RowKind.ONCE)
+            or (row.kind is RowKind.ENTRY and value > USED)
+        ]
+        self.rows: list[Row] = [row for row, _ in used]
+        self.best = np.array([max(value, 0.0) for _, value in used])
+        # what a multiplier may come to on the way: ten times what the whole limit could pay for
+        scale = {RowKind.TIME: flow.path.time_s.max(), RowKind.CHARGE: flow.path.series.battery.capacity_j}
+        dear = 10.0 * float(flow.worth.sum())
+        self.most = np.array([dear / scale.get(row.kind, 1.0) for row in self.rows])
+        self.columns = np.zeros((flow.count, 0))
+        self.waited_j = np.zeros((flow.path.sols, 0))
+        self._take_rows()
+
+    def _take_rows(self) -> None:
+        rows, count = self.rows, self.flow.count
+        at = np.repeat(np.arange(len(rows)), [len(row.at) for row in rows])
+        values, columns = (np.concatenate([getattr(row, n) for row in rows]) for n in ("values", "at"))
+        self.matrix = sparse.csr_matrix((values, (at, columns)), shape=(len(rows), count))
+        self.limits = np.array([row.limit for row in rows])
+        charged = [i for i, row in enumerate(rows) if row.sol >= 0]
+        sols = [rows[i].sol for i in charged]
+        shape = (len(rows), self.flow.path.sols)
+        self.drawn = sparse.csr_matrix((np.ones(len(sols)), (charged, sols)), shape=shape)
+
+    def value(self, chains: Chains, multipliers: Floats) -> float:
+        """Return what no policy earns more than, by the best chain for the multipliers."""
+        flow = self.flow
+        worth = -flow.cost - self.matrix.T @ multipliers
+        charge = worth[flow.charge]
+        least, most = flow.bounds[flow.charge].T
+        value = float(self.limits @ multipliers + (charge * np.where(charge > 0.0, most, least)).sum())
+        return value + chains.best(worth, flow.path.model.hotel_w * (self.drawn.T @ multipliers))
+
+    def add(self, chains: Chains) -> None:
+        """Add the last chain as a column."""
+        found = chains.follow()
+        self.columns = np.column_stack([self.columns, found.columns])
+        waited_j = self.flow.path.model.hotel_w * found.waited_s
+        self.waited_j = np.column_stack([self.waited_j, waited_j])
+
+    def solve(self, limit_s: float) -> tuple[float, Floats, Floats] | None:
+        """Return what the best mixture earns, its multipliers and its columns in the flow."""
+        flow, count, size = self.flow, self.columns.shape[1], len(self.rows)
+        uses = self.matrix @ self.columns + self.drawn @ self.waited_j
+        cost = np.concatenate([flow.cost @ self.columns, np.zeros(len(flow.charge)), self.most])
+        rows = sparse.bmat(
+            [
+                [sparse.csr_matrix(uses), self.matrix[:, flow.charge], -sparse.identity(size)],
+                [np.ones((1, count)), None, None],
+            ],
+            format="csr",
+        )
+        bounds = np.tile([0.0, np.inf], (len(cost), 1))
+        bounds[count : count + len(flow.charge)] = flow.bounds[flow.charge]
+        answer = solved(cost, rows, np.append(self.limits, 1.0), bounds, limit_s)
+        if answer.status != 0:
+            return None
+        multipliers = np.maximum(-answer.ineqlin.marginals[:-1], 0.0)
+        return -float(answer.fun), multipliers, self.columns @ answer.x[:count]
+
+    def cut(self, mixture: Floats) -> int:
+        """Add the cuts that a mixture violates; return how many."""
+        self.rows += (new := self.flow.violated(mixture))
+        self.best = np.append(self.best, np.zeros(len(new)))
+        self.most = np.append(self.most, np.full(len(new), 10.0 * float(self.flow.worth.sum())))
+        self._take_rows()
+        return len(new)
 
 
-class _Program:
-    def __init__(self, path: PathProblem) -> None:
-        self.path, model = path, path.model
-        legs = model.has_leg.copy()
-        legs[:, 0] = False
-        np.fill_diagonal(legs, False)
-        self.origin, self.to = np.nonzero(legs)
-        sols, places = path.sols, model.n + 1
-        count = np.cumsum([0, sols * len(self.to), sols * model.m, sols * places, sols])
-        self.x = np.arange(count[0], count[1]).reshape(sols, -1)
-        self.y = np.arange(count[1], count[2]).reshape(sols, -1)
-        self.e = np.arange(count[2], count[3]).reshape(sols, -1)
-        self.charge = np.arange(count[3], count[4])
-        self.count = int(count[4])
-        self.rows: list[_Row] = []
-        self.worth = model.utility * model.p_success
-        self.cost = np.zeros(self.count)
-        self.cost[self.y] = -self.worth
-        self.bounds = np.tile([0.0, np.inf], (self.count, 1))
-        self.bounds[self.y.ravel(), 1] = path.allowed.ravel()
-        for k in range(sols):
-            # the mornings that cannot be are cut off; the reserve of a sol is the least charge after its work
-            self.bounds[self.charge[k]] = path.reserve_j[k], max(path.most_j(k), path.reserve_j[k])
-        self.bounds[self.charge[0]] = path.charge_j
-        self._budgets()
-        self._flows()
-        for m in range(model.m):
-            self.rows.append(_Row(self.y[:, m], np.ones(sols), 1.0))
-            inside = np.zeros((sols, places), np.bool_)
-            inside[:, model.obs_place[m]] = True
-            self._entries(inside, self.y[:, m])
-        self.kept = len(self.rows)
-        self.idle: list[int] = []
-
-    def _budgets(self) -> None:
-        model, path = self.path.model, self.path
-        amounts = np.concatenate([model.leg[self.origin, self.to], model.obs])
-        ln = np.concatenate([model.leg_ln[self.origin, self.to], model.obs_ln])
-        seconds = np.array([least_time(*row) for row in np.column_stack([amounts[:, 0], ln[:, :2]]).tolist()])
-        joules = np.array([least_draw(a, b, model.hotel_w) for a, b in zip(amounts, ln, strict=True)])
-        spend(Step.CALL, len(amounts))
-        for k in range(path.sols):
-            at = np.concatenate([self.x[k], self.y[k]])
-            self.rows.append(_Row(at, seconds, float(path.time_s[k])))
-            drawn = np.append(at, self.charge[k])
-            limit = -float(path.reserve_j[k])
-            self.rows.append(_Row(drawn, np.append(joules, -1.0), limit))
-            if k + 1 < path.sols:
-                after = np.append(drawn, self.charge[k + 1])
-                gain = path.rests[k].gain_j
-                self.rows.append(_Row(after, np.append(joules, [-1.0, 1.0]), gain))
-
-    def _flows(self) -> None:
-        for k in range(self.path.sols):
-            for place in range(self.path.model.n + 1):
-                out, into = np.nonzero(self.origin == place)[0], np.nonzero(self.to == place)[0]
-                at = [self.x[k, out], self.x[k, into], self.e[k, [place]]]
-                values = [np.ones(len(out)), np.full(len(into), -1.0), np.ones(1)]
-                if k:
-                    at.append(self.e[k - 1, [place]])
-                    values.append(np.full(1, -1.0))
-                begun = 1.0 if k == 0 and place == 0 else 0.0
-                self.rows.append(_Row(np.concatenate(at), np.concatenate(values), begun))
-            for m in range(self.path.model.m):
-                place = int(self.path.model.obs_place[m])
-                inside = np.zeros((self.path.sols, self.path.model.n + 1), np.bool_)
-                inside[k, place] = True
-                self._entries(inside, self.y[[k], m])
-
-    def _entries(self, inside: np.ndarray[Any, Any], seen: Ints) -> None:
-        """Let observations be made no more often than a set of (sol, place), (K, n + 1), is entered."""
-        at, sols = [seen], self.path.sols
-        for k in range(sols):
-            into = inside[k, self.to] & ~inside[k, self.origin]
-            at.append(self.x[k, into])
-            if k:
-                at.append(self.e[k - 1, inside[k] & ~inside[k - 1]])
-        columns = np.concatenate(at)
-        values = np.full(len(columns), -1.0)
-        values[: len(seen)] = 1.0
-        self.rows.append(_Row(columns, values, 1.0 if inside[0, 0] else 0.0))
-
-    def solve(self, limit_s: float) -> Any:
-        at = np.repeat(np.arange(len(self.rows)), [len(row.at) for row in self.rows])
-        values = np.concatenate([row.values for row in self.rows])
-        columns = np.concatenate([row.at for row in self.rows])
-        matrix = sparse.csr_matrix((values, (at, columns)), shape=(len(self.rows), self.count))
-        limits = np.array([row.limit for row in self.rows])
-        return solved(self.cost, matrix, limits, self.bounds, limit_s)
-
-    def cut(self, x: Floats, slack: Floats) -> int:
-        """Add the cuts that a solution violates and take out idle ones; return how many were added.
-
-        Sets of places on all sols come first: those that differ from sol to sol only where these all hold.
-        """
-        binding = slack[self.kept :] < BINDING
-        self.idle = [0 if b else age + 1 for age, b in zip(self.idle, binding, strict=True)]
-        cuts = zip(self.rows[self.kept :], self.idle, strict=True)
-        self.rows[self.kept :] = [row for row, age in cuts if age <= IDLE]
-        self.idle = [age for age in self.idle if age <= IDLE]
-        added = self._cut_on_all(x) or self._cut_by_sol(x)
-        self.idle += [0] * added
-        return added
-
-    def _cut_on_all(self, x: Floats) -> int:
-        """Add sets of places that are entered, on all sols together, less often than one of them is seen."""
-        places = self.path.model.n + 1
-        capacity = np.zeros((places, places), np.int32)
-        capacity[self.origin, self.to] = np.rint(SCALE * np.minimum(x[self.x].sum(axis=0), 4.0))
-        made = x[self.y].sum(axis=0)
-        added = 0
-        for place in np.unique(self.path.model.obs_place).tolist():
-            here = np.nonzero(self.path.model.obs_place == place)[0]
-            for inside in self._cuts(capacity, place, float(made[here].max())):
-                entering = capacity[np.ix_(~inside, inside)].sum() / SCALE
-                for m in np.nonzero(inside[self.path.model.obs_place] & (made > entering + VIOLATED))[0]:
-                    self._entries(np.tile(inside, (self.path.sols, 1)), self.y[:, m])
-                    added += 1
-        return added
-
-    def _cut_by_sol(self, x: Floats) -> int:
-        """Add sets of (sol, place) that are entered less often than a place of theirs is seen on its sol."""
-        sols, places = self.path.sols, self.path.model.n + 1
-        capacity = np.zeros((sols * places, sols * places), np.int32)
-        for k in range(sols):
-            drives = np.rint(SCALE * np.minimum(x[self.x[k]], 4.0))
-            capacity[k * places + self.origin, k * places + self.to] = drives
-            if k + 1 < sols:
-                stays = k * places + np.arange(places)
-                capacity[stays, stays + places] = np.rint(SCALE * np.minimum(x[self.e[k]], 4.0))
-        made = x[self.y]
-        added = 0
-        for k, m in np.argwhere(made > VIOLATED).tolist():
-            node = k * places + int(self.path.model.obs_place[m])
-            for inside in self._cuts(capacity, node, float(made[k, m])):
-                self._entries(inside.reshape(sols, places), self.y[[k], m])
-                added += 1
-        return added
-
-    def _cuts(self, capacity: np.ndarray[Any, Any], to: int, made: float) -> list[np.ndarray[Any, Any]]:
-        """Return the smallest and the largest set round a node into which less flows from the start."""
-        if made < VIOLATED:
-            return []
-        graph = sparse.csr_matrix(capacity)
-        flow = maximum_flow(graph, 0, to)
-        spend(Step.CALL, len(capacity))
-        if float(flow.flow_value) / SCALE >= made - VIOLATED:
-            return []
-        residual = capacity - flow.flow.toarray()
-        largest = np.ones(len(capacity), np.bool_)
-        largest[_reached(residual, 0)] = False
-        smallest = np.zeros(len(capacity), np.bool_)
-        smallest[_reached(residual.T, to)] = True
-        return [smallest] if np.array_equal(smallest, largest) else [smallest, largest]
+def _scarce(flow: FlowProgram, multipliers: Floats) -> Along:
+    """Return what limits the rover more, by what the multipliers pay for: the charge, or the time."""
+    paid = {kind: 0.0 for kind in RowKind}
+    for row, multiplier in zip(flow.rows, multipliers, strict=True):
+        paid[row.kind] += multiplier * abs(row.limit)
+    return Along.CHARGE if paid[RowKind.CHARGE] >= paid[RowKind.TIME] else Along.TIME
 
 
-def _reached(residual: Any, start: int) -> list[int]:
-    """Return the nodes that a node reaches over positive residual capacities."""
-    found, queue = {start}, [start]
-    while queue:
-        for to in np.nonzero(residual[queue.pop()] > 0)[0].tolist():
-            if to not in found:
-                found.add(to)
-                queue.append(to)
-    return sorted(found)
+def _chain_bound(flow: FlowProgram, multipliers: Floats, best: float, limit_s: float) -> float:
+    """Return the bound by chains, from multipliers of the flow's rows on, or `best` where they pay without end."""
+    along = _scarce(flow, multipliers)
+    until = now_s() + limit_s
+    fine = Chains(flow, along, nodes=FINE_NODES[along], remembered=REMEMBERED)
+    coarse = Chains(flow, along, nodes=COARSE_NODES, remembered=REMEMBERED, like=FINE_NODES[along])
+    until -= fine.seconds
+    master = _Master(flow, multipliers)
+    tried, least, smooth, mixed = master.best, math.inf, SMOOTH, -math.inf
+    for _ in range(COLUMNS):
+        if now_s() >= until:
+            break
+        value = master.value(coarse, tried)
+        if math.isinf(value):
+            return best
+        if value < least:
+            least, master.best = value, tried
+        master.add(coarse)
+        answer = master.solve(max(until - now_s(), 0.0))
+        if answer is None:
+            break
+        smooth = SMOOTH if answer[0] > mixed * (1.0 + USED) else 0.5 * smooth
+        mixed, multipliers, mixture = answer
+        if least - mixed < CLOSE * least:
+            added = master.cut(mixture)
+            if not added:
+                break
+            multipliers = np.append(multipliers, np.zeros(added))
+        tried = smooth * master.best + (1.0 - smooth) * multipliers
+    return master.value(fine, master.best) * (1.0 + TOLERANCE) + 1e-9
 
 
 def path_bound(path: PathProblem, *, limit_s: float) -> PathBound:
@@ -241,21 +190,21 @@ def path_bound(path: PathProblem, *, limit_s: float) -> PathBound:
 
     `limit_s` are seconds of a processor as `planner.tally` reckons them.
     """
-    program = _Program(path)
-    best = PathBound(float(program.worth[path.allowed.any(axis=0)].sum()), np.zeros(path.allowed.shape))
-    if not len(program.to) or not path.allowed.any():
-        return PathBound(0.0, best.made)
+    flow = FlowProgram(path)
+    best = float(flow.worth[path.allowed.any(axis=0)].sum())
+    if not len(flow.to) or not path.allowed.any():
+        return PathBound(0.0)
     with tallied():
-        until, idle = now_s() + limit_s, 0
+        until, idle, multipliers = now_s() + limit_s, 0, None
         for _ in range(ROUNDS):
-            answer = program.solve(max(until - now_s(), 0.0))
+            answer = flow.solve(max(until - now_s(), 0.0))
             if answer.status != 0:
                 break
-            value = -float(answer.fun) * (1.0 + LP_TOLERANCE) + 1e-9
-            idle = 0 if value < best.value * (1.0 - ENOUGH) else idle + 1
-            if value < best.value:
-                made = answer.x[program.y]
-                best = PathBound(value, made)
-            if idle >= STALLED or now_s() >= until or not program.cut(answer.x, answer.slack):
+            multipliers = -answer.ineqlin.marginals
+            value = -float(answer.fun) * (1.0 + TOLERANCE) + 1e-9
+            idle = 0 if value < best * (1.0 - ENOUGH) else idle + 1
+            best = min(best, value)
+            if idle >= STALLED or now_s() >= until or not flow.cut(answer.x, answer.slack):
+                best = min(best, _chain_bound(flow, multipliers, best, until - now_s()))
                 break
-    return best
+    return PathBound(best)
