@@ -1,7 +1,7 @@
 """Compiled loops of chains: the best way through one sol for rewards of drives, observations and nights.
 
-A state is a place, what is remembered of the observations made, and a node of time. What is remembered at a
-place is a set of observations near it (`Memory`); the others may be made again.
+A state is a place, what is remembered of the observations made, and a node of time or of energy drawn. What
+is remembered at a place is a set of observations near it (`Memory`); the others may be made again.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ class Memory(NamedTuple):
     """What is remembered at places, as sets of up to g bits.
 
     `sets` (P,) is how many sets a place has. A drive a -> b keeps what both places remember: `kept`
-    (P, P, 2^g) is the number of that set among `classes` (P, P), `there` and `here` (P, P, 2^g) are its numbers
-    at b and at a. `own` (P, o) lists the observations of a place, -1 behind the last, `bit` (m,) is 1 shifted
-    by the place of an observation among what its own place remembers, 0 where it is not remembered.
+    (P, P, 2^g) is the number of that set among `classes` (P, P), `there` and `here` (P, P, 2^g) are its
+    numbers at b and at a. `own` (P, o) lists the observations of a place, -1 behind the last, `bit` (m,) is 1
+    shifted by the place of an observation among what its own place remembers, 0 where it is not remembered.
     """
 
     sets: Array
@@ -40,8 +40,8 @@ class Memory(NamedTuple):
 
 
 class Moves(NamedTuple):
-    """What actions take on one grid of nt nodes of time: chances of drives (P, P, nt) and observations (m, nt)
-    to move j nodes on, the first j and the one behind the last (..., 2), the chances that drives move on by
+    """What actions take on one grid of nt nodes: chances of drives (P, P, nt) and observations (m, nt) to
+    move j nodes on, the first j and the one behind the last (..., 2), the chances that drives move on by
     less than j nodes (P, P, nt + 1), where drives lead (P, P), and drives that may fail (P, P).
     """
 
@@ -74,24 +74,28 @@ SWEEPS = 60
 
 
 @_compiled
+def _some_stay(moves: Moves) -> bool:
+    for a in range(len(moves.leg)):
+        for b in range(len(moves.leg)):
+            if moves.has_leg[a, b] and moves.leg_span[a, b, 0] == 0:
+                return True
+    return bool((moves.obs_span[:, 0] == 0).any())
+
+
+@_compiled
 def best_chain(
     moves: Moves, memory: Memory, rewards: Rewards, ends: Array, sure: bool, value: Array, reached: Array,
     act: Array,
 ) -> bool:  # fmt: skip
-    """Write the most that is earned from each state on, `value` and `reached` (P, 2^g, nt), and what is done:
-    0 ends the sol, b drives to b, P + m observes m. Return whether values settled where moves stay at a node.
+    """Write the most that is earned from each state on, `value` and `reached`, and what is done, `act`: 0
+    ends the sol, b drives to b, P + m observes m. Return whether values settled where moves stay at a node.
 
-    `ends` (P, 2^g, nt) is what ending the sol is worth, at the last node where an action is over the limit.
-    What an action comes to is the better of what follows its success and of the end there. With `sure`, values hold for all times between a node and the next:
-    `reached` is the better of both.
+    All arrays are [P, sets, nt]. `ends` is what ending the sol is worth, at the last node where an action is
+    over the limit. What an action comes to is the better of what follows its success and of the end there.
+    With `sure`, values hold for all amounts between a node and the next: `reached` is the better of both.
     """
     places, _, nt = value.shape
-    stays = False
-    for a in range(places):
-        for b in range(places):
-            stays = stays or (moves.has_leg[a, b] and moves.leg_span[a, b, 0] == 0)
-    for m in range(len(moves.obs)):
-        stays = stays or moves.obs_span[m, 0] == 0
+    stays = _some_stay(moves)
     driven = np.zeros((3, places, value.shape[1]))
     for t in range(nt - 1, -1, -1):
         for a in range(places):
@@ -198,8 +202,8 @@ def followed(
     moves: Moves, memory: Memory, rewards: Rewards, ends: Array, reached: Array, act: Array, chance: Array,
     driven: Array, made: Array, ended: Array,
 ) -> float:  # fmt: skip
-    """Follow the best chain from chances of states, `chance` (P, 2^g, nt), and return the nodes waited; write
-    expected drives (P, P), observations (m,) and states in which the sol ends (P, 2^g, nt).
+    """Follow the best chain from chances of states, `chance` [P, sets, nt], and return the nodes waited;
+    write expected drives [P, P], observations [m] and states in which the sol ends [P, sets, nt].
 
     A move that stays at its node is taken for one of a node.
     """

@@ -1,8 +1,13 @@
 """The best chain of drives, observations and nights through all sols, for given rewards of each.
 
-A chain goes through the states of `chain_kernels` by the drawn durations of actions alone. What is left out of
-the rover's day, the charge, is charged for by rewards. So with rewards from multipliers on rows that hold for
-every policy in the mean, no policy is worth more than those rows and the best chain (`path_bound`).
+A chain goes through the states of `chain_kernels` and sees what its actions took: time, or energy drawn. It
+is free in all else: the other resource, and what it observed out of its memory. What holds for every policy
+in the mean is charged for by rewards (`path_bound`).
+
+Every policy is a chain. From between two nodes an action that takes x, rounded down to j nodes, comes to the
+cell j nodes on or to the next one; `reached` is the better of both. Where the true action fails for what the
+chain does not see, the sol ends, and the chain takes the better of both outcomes. It may throw charge away
+overnight, and has as much to begin with as the morning can have.
 """
 
 from __future__ import annotations
@@ -55,9 +60,9 @@ class Followed:
 class Chains:
     """Best chains of one problem on grids of so many `nodes`; at a place up to `remembered` observations.
 
-    The value is at least that of every chain: amounts are rounded down to nodes. With `like`, it is about what
-    a grid of so many nodes would give: amounts are as much smaller as rounding there makes them in the mean,
-    and rounded to the nearest node.
+    The value is at least that of every chain: amounts are rounded down to nodes. With `like`, it is about
+    what a grid of so many nodes would give: amounts are as much smaller as rounding there makes them in the
+    mean, and rounded to the nearest node.
     """
 
     def __init__(
@@ -149,7 +154,8 @@ class Chains:
             columns[flow.e[k]] = ended.sum(axis=(1, 2))
             chance = np.zeros_like(ended)
             if k + 1 < path.sols:
-                np.add.at(chance, (slice(None), slice(None), self.mornings[k]), ended)
+                for node, morning in enumerate(self.mornings[k]):
+                    chance[:, :, morning] += ended[:, :, node]
         spend(Step.NODE, 0.2 * self._products)
         return Followed(columns, waited)
 
@@ -172,7 +178,7 @@ class Chains:
 
 
 def _below(ln: Floats, edges: Floats) -> Floats:
-    """Return the chances of a log-normal to be below edges; `ln` holds mean and deviation of its logarithm."""
+    """Return the chances of a log-normal to be below edges; `ln` (2,) is of its logarithm."""
     if ln[1] <= 0.0:
         amount = 0.0 if math.isinf(ln[0]) else math.exp(float(ln[0]))
         return (edges > amount * (1.0 + SAME)).astype(np.float64)
@@ -203,7 +209,7 @@ def _moves(
     path: PathProblem, along: Along, has_leg: Truths, step: float, nodes: int, shift: float, *, sure: bool
 ) -> Moves:
     model = path.model
-    edges = np.arange(nodes + 1) * step + shift
+    edges: Floats = np.arange(nodes + 1, dtype=np.float64) * step + shift
 
     def row(ln: Floats) -> tuple[Floats, tuple[int, int]]:
         """Return chances to move on by nodes, and the span of those that are not faint."""

@@ -142,7 +142,7 @@ class FlowProgram:
                 self.rows.append(self._entries(inside, self.y[[k], m]))
 
     def _entries(self, inside: np.ndarray[Any, Any], seen: Ints) -> Row:
-        """Return that observations are made no more often than a set of (sol, place), (K, n + 1), is entered."""
+        """Return that observations are made no more often than a set (K, n + 1) of places is entered."""
         at, sols = [seen], self.path.sols
         for k in range(sols):
             into = inside[k, self.to] & ~inside[k, self.origin]
@@ -163,7 +163,10 @@ class FlowProgram:
         return solved(self.cost, matrix, limits, self.bounds, limit_s)
 
     def cut(self, x: Floats, slack: Floats) -> int:
-        """Add the cuts that a solution violates and take out idle ones; return how many were added."""
+        """Add the cuts that a solution [columns] with its slack [rows] violates, and take out idle ones.
+
+        Return how many were added.
+        """
         binding = slack[self.kept :] < BINDING
         self.idle = [0 if b else age + 1 for age, b in zip(self.idle, binding, strict=True)]
         cuts = zip(self.rows[self.kept :], self.idle, strict=True)
@@ -175,11 +178,11 @@ class FlowProgram:
         return len(added)
 
     def violated(self, x: Floats) -> list[Row]:
-        """Return cuts that a solution violates: on all sols together, else on single sols."""
+        """Return cuts that a solution [columns] violates: on all sols together, else on single sols."""
         return self._cut_on_all(x) or self._cut_by_sol(x)
 
     def _cut_on_all(self, x: Floats) -> list[Row]:
-        """Return sets of places that are entered, on all sols together, less often than one of them is seen."""
+        """Return sets of places entered, on all sols together, less often than one of them is seen."""
         places = self.path.model.n + 1
         capacity = np.zeros((places, places), np.int32)
         capacity[self.origin, self.to] = np.rint(SCALE * np.minimum(x[self.x].sum(axis=0), 4.0))
@@ -189,12 +192,13 @@ class FlowProgram:
             here = np.nonzero(self.path.model.obs_place == place)[0]
             for inside in self._cuts(capacity, place, float(made[here].max())):
                 entering = capacity[np.ix_(~inside, inside)].sum() / SCALE
-                for m in np.nonzero(inside[self.path.model.obs_place] & (made > entering + VIOLATED))[0]:
-                    found.append(self._entries(np.tile(inside, (self.path.sols, 1)), self.y[:, m]))
+                seen = np.nonzero(inside[self.path.model.obs_place] & (made > entering + VIOLATED))[0]
+                everywhere = np.tile(inside, (self.path.sols, 1))
+                found += [self._entries(everywhere, self.y[:, m]) for m in seen]
         return found
 
     def _cut_by_sol(self, x: Floats) -> list[Row]:
-        """Return sets of (sol, place) that are entered less often than a place of theirs is seen on its sol."""
+        """Return sets of (sol, place) entered less often than a place of theirs is seen on its sol."""
         sols, places = self.path.sols, self.path.model.n + 1
         capacity = np.zeros((sols * places, sols * places), np.int32)
         for k in range(sols):
@@ -208,7 +212,7 @@ class FlowProgram:
         for k, m in np.argwhere(made > VIOLATED).tolist():
             node = k * places + int(self.path.model.obs_place[m])
             for inside in self._cuts(capacity, node, float(made[k, m])):
-                found.append(self._entries(inside.reshape(sols, places), self.y[[k], m]))
+                found += [self._entries(inside.reshape(sols, places), self.y[[k], m])]
         return found
 
     def _cuts(self, capacity: np.ndarray[Any, Any], to: int, made: float) -> list[np.ndarray[Any, Any]]:

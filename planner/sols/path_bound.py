@@ -1,21 +1,21 @@
 """An upper bound for every policy over several sols: what the flow allows, and no chain of actions exceeds.
 
-First the flow of `flow_program`, a linear program with cuts. It lets the rover drive in fractions and knows
-no windows. Then multipliers u >= 0 on its rows of charges, entries and observations made once: every policy
-satisfies those rows, so it earns no more than
+First the flow of `flow_program`, a linear program with cuts. It lets the rover drive in fractions, knows no
+windows, and spends in one future what another one saves. Then multipliers u >= 0 on its rows of times,
+charges, entries and observations made once. Every policy satisfies those rows, so it earns no more than
 
     sum of u * limit  +  E[what its actions earn, less u times what they are in the rows],
 
-and the second is not more than the best chain earns (`chains`), whatever u is: a chain knows time, windows,
-nights and where the rover stands, and forgets but a part of what was observed. Least multipliers are sought by
-column generation: chains are columns of a small linear program, whose multipliers make the next chain. Between
-the best multipliers so far and those the next ones are taken (Pessoa et al. 2018), and cuts are added where
-the mixture of chains violates them. The search rounds durations to the nearest node; the bound is then worked
-out with its multipliers on a fine grid, where durations are rounded down.
+and the second is not more than the best chain earns (`chains`), whatever u is. A chain sees what is left of
+the resource that limits more, and where the rover stands; it forgets what was observed far away. The least
+multipliers are sought by column generation: chains are columns of a small linear program, whose multipliers
+make the next chain. The next multipliers lie between those and the best so far (Pessoa et al. 2018), and cuts
+are added where the mixture of chains violates them. The search takes a coarse grid that behaves like the fine
+one; the bound is worked out with its multipliers on the fine one.
 
-An observation that waits for its window draws the hotel load meanwhile. With w joules of waiting it draws
-E[min(w + E, R)] = w + E[min(E, R - w)] >= (w + c) P(w + E <= R) where it has R left, c as in `flow_program`: so
-waits are charged for where the observation succeeds. Overruns cost nothing here.
+An observation that waits for its window draws the hotel load meanwhile. With w joules of waiting and R left
+it draws E[min(w + E, R)] = w + E[min(E, R - w)] >= (w + c) P(w + E <= R), c as in `flow_program`: so waits
+are charged for where the observation succeeds, by chains that see the time. Overruns cost nothing here.
 """
 
 from __future__ import annotations
@@ -147,14 +147,17 @@ class _Master:
 
 def _scarce(flow: FlowProgram, multipliers: Floats) -> Along:
     """Return what limits the rover more, by what the multipliers pay for: the charge, or the time."""
-    paid = {kind: 0.0 for kind in RowKind}
+    paid = dict.fromkeys(RowKind, 0.0)
     for row, multiplier in zip(flow.rows, multipliers, strict=True):
         paid[row.kind] += multiplier * abs(row.limit)
     return Along.CHARGE if paid[RowKind.CHARGE] >= paid[RowKind.TIME] else Along.TIME
 
 
 def _chain_bound(flow: FlowProgram, multipliers: Floats, best: float, limit_s: float) -> float:
-    """Return the bound by chains, from multipliers of the flow's rows on, or `best` where they pay without end."""
+    """Return the bound by chains, from multipliers of the flow's rows on.
+
+    It is `best` where chains pay without end.
+    """
     along = _scarce(flow, multipliers)
     until = now_s() + limit_s
     fine = Chains(flow, along, nodes=FINE_NODES[along], remembered=REMEMBERED)

@@ -13,9 +13,13 @@ from mission.sol_timeline import SOL_SERIES, Battery, PowerSegment, SolSeries, S
 from planner.errors import ProblemError
 from planner.plan_result import Progress
 from planner.problem import Kind, Problem, problem_from_dict
+from planner.sols import path_bound as bounds
+from planner.sols.chains import Along
+from planner.sols.flow_program import FlowProgram
 from planner.sols.path_bound import path_bound
 from planner.sols.path_problem import path_problem, same_budgets
 from planner.sols.solve_path import SolPath, solve_sols
+from studies.common.sol_paths import several_sols
 from tests.planner.examples import amount, example, observation, problem_document
 from tests.planner.sols.reference import after_rest, best_of_all, survives
 
@@ -67,6 +71,45 @@ def test_bounds_of_many_small_problems_hold() -> None:
         problem, series = constant(rng, 3)
         best = best_of_all(problem, series)
         assert path_bound(path_problem(problem, series), limit_s=5.0).value >= best - 1e-6
+
+
+@pytest.mark.parametrize("along", list(Along))
+def test_bounds_of_chains_that_see_time_or_charge_hold(along: Along, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The flow's own bound is taken away, so that only the best chain is left."""
+    monkeypatch.setattr(bounds, "_scarce", lambda *_: along)
+    rng, alone = np.random.default_rng(79), 0
+    for _ in range(25):
+        problem, series = constant(rng, 3)
+        path = path_problem(problem, series)
+        best, whole = best_of_all(problem, series), path_bound(path, limit_s=0.0).value
+        flow = FlowProgram(path)
+        answer = flow.solve(60.0)
+        value = bounds._chain_bound(flow, -answer.ineqlin.marginals, whole, 60.0)
+        assert value >= best - 1e-6
+        alone += value < whole - 1e-6
+    assert alone >= 5
+
+
+def test_a_chain_sees_what_the_flow_does_not() -> None:
+    """Two rocks far apart and time for either: half of both is what a flow does, and no chain can."""
+    rows = [[observation("O1", utility=6.0)], [observation("O2", utility=6.0)]]
+    document = problem_document(
+        places=[(6.0, 0.0), (-6.0, 0.0)], observations=rows, spread=0.0, loss=0.0, time_s=2500.0, energy_j=2e7
+    )
+    problem = problem_from_dict(document)
+    path = path_problem(problem, same_budgets(problem, 1))
+    assert path_bound(path, limit_s=60.0).value == pytest.approx(6.0 * path.model.p_success[0], rel=0.02)
+
+
+def test_no_policy_earns_more_than_the_bound_where_amounts_are_drawn() -> None:
+    rng = np.random.default_rng(80)
+    for _ in range(6):
+        problem, series = several_sols(rng, targets=5, sols=2)
+        battery = dataclasses.replace(series.battery, charge_j=0.8e6)
+        series = dataclasses.replace(series, battery=battery)
+        found = solve_sols(problem, series, time_limit_s=0.5)
+        upper = path_bound(path_problem(problem, series), limit_s=60.0).value
+        assert found.mean - 4.0 * found.standard_error <= upper
 
 
 def test_policies_come_to_the_optimum_in_the_mean() -> None:
