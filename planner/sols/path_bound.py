@@ -1,6 +1,6 @@
 """An upper bound for every policy over several sols: what the flow allows, and no chain of actions exceeds.
 
-First the flow of `flow_program`, a linear program with cuts. It lets the rover drive in fractions, knows no
+First the flow of `flow_program`, a linear program with cuts. It lets the rover drive in fractions, has no
 windows, and spends in one future what another one saves. Then multipliers u >= 0 on its rows of times,
 charges, entries and observations made once. Every policy satisfies those rows, so it earns no more than
 
