@@ -40,12 +40,16 @@ OPTIONS = PlannerOptions(bound_s=0.06)
 """The bound comes after the plan and changes nothing in it."""
 
 
-def found_at(problem: Problem, factor: float) -> PlanResult:
-    """Return the answer for so many times the budgets."""
+def widened(problem: Problem, factor: float) -> Problem:
+    """Return the problem with so many times the time and energy."""
     budget = problem.budget
     wider = dataclasses.replace(budget, time_s=factor * budget.time_s, energy_j=factor * budget.energy_j)
-    asked = dataclasses.replace(problem, budget=wider)
-    return solve(asked, max_branches=3, time_limit_s=3.0, options=OPTIONS)
+    return dataclasses.replace(problem, budget=wider)
+
+
+def found_at(problem: Problem, factor: float) -> PlanResult:
+    """Return the answer for so many times the budgets."""
+    return solve(widened(problem, factor), max_branches=3, time_limit_s=3.0, options=OPTIONS)
 
 
 def falls(found: list[PlanResult]) -> tuple[float, float, bool]:

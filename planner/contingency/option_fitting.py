@@ -39,6 +39,9 @@ class OptionFitter:
         self.tails = TailValues(grid)
         self.iterations = 0
         self.should_stop = should_stop
+        m = self.model
+        ends = (m.window[:, 1] < m.t_max_s) & (m.predecessors == 0)
+        self.closing = sum(1 << int(k) for k in np.flatnonzero(ends))
         self._optimal: dict[State, Any] = {}
         self._sequences: dict[bytes, Sequence] = {}
 
@@ -55,18 +58,20 @@ class OptionFitter:
     def sequence(self, masses: Masses, width: int, before: int) -> Sequence:
         """Return the best unbranched plan found from a distribution; the same distribution is met often.
 
-        `before` are the observations (bits) that may have been made: they use downlink volume.
+        `before` are the observations (bits) on the way there: they use downlink volume, and one whose window
+        ends is not tried again.
         """
+        tried = before & self.closing
         if not self.policy.sets.voluminous:
             before = 0
-        digest = hashlib.blake2b(repr(before).encode(), digest_size=16)
+        digest = hashlib.blake2b(repr((before, tried)).encode(), digest_size=16)
         for state, mass in masses.items():
             digest.update(repr((width, *state)).encode())
             digest.update(mass.tobytes())
         key = digest.digest()
         known = self._sequences.get(key)
         if known is None:
-            found = best_sequences(self.policy, masses, width=width, before=before)
+            found = best_sequences(self.policy, masses, width=width, before=before, tried=tried)
             known = self._sequences[key] = found[0]
         return known
 

@@ -274,12 +274,15 @@ class Policy:
     def _worth(self, live: Live, m: int) -> float:
         return self.model.expected_utility_of(m, live.memory)
 
-    def observation(self, live: Live, m: int, after: Any) -> Any:
-        """Return the value of carrying out observation m now; where its window is over, of giving it up."""
+    def observation(self, live: Live, m: int, after: Any, rest: Any) -> Any:
+        """Return the value of carrying out observation m now; where its window is over, of giving it up: the
+        `rest`. In the cell where the window ends, it is over in a share of the days.
+        """
         value = self.grid.before_observation(m, after, self._worth(live, m))
         closes = float(self.model.window[m, 1])
         if closes < self.model.t_max_s:
-            value = self.grid.open_until(closes).astype(self.grid.dtype) * value
+            share = self.grid.open_until(closes).astype(self.grid.dtype)
+            value = share * value + (1.0 - share) * rest
         return value
 
     def tracked_in(self, live: Live) -> list[int]:
@@ -361,7 +364,8 @@ class Policy:
         for m in range(self.model.m):
             if int(self.model.obs_place[m]) == place and self.sets.open(live, m):
                 after = table[place, self.index[self.sets.after(live, m)]]
-                np.maximum(table[place, s], self.observation(live, m, after), out=table[place, s])
+                value = self.observation(live, m, after, table[place, s])
+                np.maximum(table[place, s], value, out=table[place, s])
 
     def _drive(self, s: int, live: Live, tracked: list[int], here: list[int], away: list[int]) -> None:
         """Let the drives from places where nothing is live to those where something is compete."""
@@ -494,7 +498,9 @@ class Policy:
         if value is None:
             live = self.lives[s]
             after = self.table[place, self.index[self.sets.after(live, m)]]
-            value = self._drives[key] = self.observation(live, m, after)
+            rest = self.index.get(self.sets.without(live, 1 << m))
+            given_up = 0.0 if rest is None else self.table[place, rest]
+            value = self._drives[key] = self.observation(live, m, after, given_up)
         return value
 
     def start_point(self, tracked: int) -> tuple[float, float]:

@@ -142,12 +142,14 @@ def best_sequences(
     width: int,
     keep: int = 1,
     before: int = 0,
+    tried: int = 0,
 ) -> list[Sequence]:
     """Return the best unbranched plans found from a distribution, best first; the empty one is always among
     them.
 
     `before` are observations (bits) that may have been made already: together with them no plan exceeds the
-    downlink volume, whatever fails.
+    downlink volume, whatever fails. Those in `tried` (bits) are not gone for: in the cell of a grid where a
+    window ends, each further attempt would find it open in a share of the days again.
     """
     model = policy.model
     root = _Node((), masses, 0.0, optimal_value(policy, masses))
@@ -163,7 +165,10 @@ def best_sequences(
             offers += (
                 (float(bounds[m]), k, m)
                 for m in range(model.m)
-                if bounds[m] > floor and m not in node.order and _fits(model, before, node.order, m)
+                if bounds[m] > floor
+                and m not in node.order
+                and not (tried >> m) & 1
+                and _fits(model, before, node.order, m)
             )
         offers.sort(key=lambda offer: (-offer[0], offer[1], offer[2]))
         following: list[_Node] = []
