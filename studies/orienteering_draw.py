@@ -28,20 +28,41 @@ from planner.errors import RoutingError
 from planner.orienteering import read_routing_file, route_value, warm_up
 
 LOOKED_AT = {
-    *(f"{name}-gen1" for name in ("d657", "gil262", "lin318", "pr299")),
+    *(
+        f"{name}-gen1"
+        for name in (
+            "ali535",
+            "att532",
+            "d657",
+            "gil262",
+            "lin318",
+            "pr124",
+            "pr144",
+            "pr299",
+            "u159",
+        )
+    ),
     *(
         f"{name}-gen2"
         for name in (
             "att532",
+            "berlin52",
             "d198",
+            "eil76",
             "fl417",
+            "kroA150",
+            "kroB150",
             "kroB200",
+            "lin318",
             "p654",
             "pr107",
+            "pr124",
+            "pr136",
             "pr226",
             "rat783",
             "rd400",
             "st70",
+            "u574",
             "u724",
         )
     ),
@@ -51,12 +72,15 @@ LOOKED_AT = {
             "att532",
             "berlin52",
             "d493",
+            "eil101",
+            "eil51",
             "fl417",
             "gil262",
             "gr202",
             "gr666",
             "kroA100",
             "kroA150",
+            "lin105",
             "lin318",
             "p654",
             "pr124",
@@ -64,12 +88,29 @@ LOOKED_AT = {
             "pr152",
             "pr226",
             "pr264",
+            "pr299",
             "rd400",
+            "st70",
+            "ts225",
             "u574",
         )
     ),
-    *(f"{name}-gen4" for name in ("ali535", "eil101", "pcb442", "pr439")),
+    *(
+        f"{name}-gen4"
+        for name in (
+            "ali535",
+            "att532",
+            "d657",
+            "eil101",
+            "kroA200",
+            "kroC100",
+            "lin318",
+            "pcb442",
+            "pr439",
+        )
+    ),
 }
+"""Tuned on, or looked at: also the files of draw 420293."""
 CHANGED = {f"{name}-gen3" for name in ("a280", "rat195", "tsp225", "rat575", "rat783", "rat99")}
 LEAST, MOST = 50, 800  # nodes
 
