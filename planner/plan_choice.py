@@ -30,6 +30,9 @@ value of 10 days of 3 to 8 targets was within 0.03 % then."""
 FINER = ((121, 73), (241, 145))
 """Nodes of the grids asked where the usual ones differ by more."""
 
+FAR, MATTERS = 4.0, 5e-4
+"""Standard errors, and a share of the value, by which a check is far from a grid."""
+
 DEAREST_S = 0.1
 """Reckoned seconds on the usual grids above which a plan is not valued on finer ones, which take ten times as
 long. By hand: a plan of eight targets with a branch takes 0.06."""
@@ -38,21 +41,26 @@ long. By hand: a plan of eight targets with a branch takes 0.06."""
 def settled_value(
     model: Model, plan: Plan, check: Estimate, work_s: Callable[[], float]
 ) -> tuple[float, str] | None:
-    """Return the value of a plan and what told it, where the usual grids have not settled; None where they
-    have, or finer ones would take too long.
+    """Return the value of a plan and what told it; None where grids that settle would take too long.
 
-    The check tells it where the finer grids have not settled either. `work_s` tells the seconds used.
+    Finer grids are asked where the usual ones have not settled, and where a window begins or ends within the
+    day: both may put it into the same cell. Where no grid settles, or one is far from the check, the check
+    tells the value. `work_s` tells the seconds used.
     """
     model, before = model.within_reach(), work_s()
-    usual = Evaluator(model).value(plan)
+    value, share = Evaluator(model).value(plan), SETTLED
     took_s = work_s() - before
-    if _settled(usual) or took_s > DEAREST_S:
-        return None
-    finer = Evaluator(model, *FINER).value(plan)
-    return (finer.value, "grid") if _settled(finer, 2.0 * SETTLED) else (check.mean, "monte-carlo")
+    if not _settled(value, share) or np.any((model.window > 0.0) & (model.window < model.t_max_s)):
+        if took_s > DEAREST_S:
+            return None
+        value, share = Evaluator(model, *FINER).value(plan), 2.0 * SETTLED
+    far = abs(value.value - check.mean) > FAR * check.standard_error + MATTERS * abs(check.mean)
+    if far or not _settled(value, share):
+        return check.mean, "monte-carlo"
+    return value.value, "grid"
 
 
-def _settled(value: GridValue, share: float = SETTLED) -> bool:
+def _settled(value: GridValue, share: float) -> bool:
     return abs(value.fine - value.coarse) <= share * abs(value.fine)
 
 

@@ -293,9 +293,7 @@ def chosen(order: Order, model: Model, curve: Curve) -> Chosen:
 
 
 def _settled(order: Order, model: Model, found: Chosen) -> Chosen:
-    """Return what was found, with its value from finer grids, or from its check, where the usual grids have
-    not settled.
-    """
+    """Return what was found, with its value from grids that have settled, or from its check."""
     if order.quick or order.plan_only or len(model.sols.chance) or found.check is None:
         return found
     told = settled_value(model, found.plan, found.check, order.watch.work_s)

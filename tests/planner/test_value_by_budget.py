@@ -19,10 +19,20 @@ from tests.planner.examples import example, visits
 from tests.planner.reference.problems import generated
 
 
-@pytest.mark.parametrize(("seed", "number"), [(6002, 17), (6002, 28), (757169976, 4)])
-def test_a_larger_budget_does_not_lower_the_value_told(seed: int, number: int) -> None:
+@pytest.mark.parametrize(
+    ("seed", "number", "budgets"),
+    [
+        (6002, 17, (3.0, 10.0)),
+        (757169976, 4, (3.0, 10.0)),
+        (11861197, 7, (10.0, 30.0)),
+        (11861197, 10, (10.0, 30.0)),
+    ],
+)
+def test_a_larger_budget_does_not_lower_the_value_told(
+    seed: int, number: int, budgets: tuple[float, float]
+) -> None:
     problem = day(np.random.default_rng([seed, number]), most=5)
-    found = [found_at(problem, factor) for factor in (3.0, 10.0)]
+    found = [found_at(problem, factor) for factor in budgets]
     _, predicted, fell = falls(found)
     assert not fell
     assert predicted <= PREDICTED_FALL
@@ -37,7 +47,8 @@ def test_a_value_that_has_settled_stays_as_it_is() -> None:
     problem = example()
     model, plan = Model.of(problem), visits(problem, *(str(o.id) for o in problem.observations))
     check = simulate(model, plan, 4_096, seed=1).estimate()
-    assert settled_value(model, plan, check, lambda: 0.0) is None
+    usual = Evaluator(model.within_reach()).value(plan).value
+    assert settled_value(model, plan, check, lambda: 0.0) == (usual, "grid")
 
 
 def test_where_no_grid_settles_the_check_tells_the_value() -> None:
