@@ -35,10 +35,13 @@ SAME = 1e-12
 FAR, APART, MOST_APART = 7.0, 0.35, 2001
 """Standard deviations of a duration to which energies are looked at, most between two, and most of them."""
 
-AT_A_NODE = 3.0
-"""What one move to one node takes in those of a large matrix (`Step.NODE`): a comparison comes with it."""
+BY_ROW = 120.0
+"""What a node of one action's chances takes, in elements (`Step.ELEMENT`). Measured on energies."""
 
-CHOSEN = 12.0
+AT_A_NODE = 24.0
+"""What one move to one node takes in those of a large matrix (`Step.NODE`). Measured on 81 to 801 nodes."""
+
+CHOSEN = 24.0
 """The same for a choice between two drives at one state."""
 
 
@@ -234,7 +237,7 @@ def _moves(
         leg[a, b], leg_span[a, b] = row(model.leg_ln[a, b])
     for m in range(model.m):
         obs[m], obs_span[m] = row(model.obs_ln[m])
-    spend(Step.ELEMENT, float(nodes * (has_leg.sum() + model.m)))
+    spend(Step.ELEMENT, BY_ROW * float(nodes * (has_leg.sum() + model.m)))
     in_time = np.zeros((places, places, nodes + 1))
     in_time[:, :, 1:] = np.cumsum(leg, axis=2)
     return Moves(leg, in_time, leg_span, obs, obs_span, has_leg, model.fail > 0.0)

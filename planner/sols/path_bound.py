@@ -156,13 +156,17 @@ def _scarce(flow: FlowProgram, multipliers: Floats) -> Along:
 def _chain_bound(flow: FlowProgram, multipliers: Floats, best: float, limit_s: float) -> float:
     """Return the bound by chains, from multipliers of the flow's rows on.
 
-    It is `best` where chains pay without end.
+    It is `best` where chains pay without end, or the limit does not pay for one on the fine grid.
     """
+    if limit_s <= 0.0:
+        return best
     along = _scarce(flow, multipliers)
     until = now_s() + limit_s
     fine = Chains(flow, along, nodes=FINE_NODES[along], remembered=REMEMBERED)
     coarse = Chains(flow, along, nodes=COARSE_NODES, remembered=REMEMBERED, like=FINE_NODES[along])
     until -= fine.seconds
+    if now_s() >= until:
+        return best
     master = _Master(flow, multipliers)
     tried, least, smooth, mixed = master.best, math.inf, SMOOTH, -math.inf
     for _ in range(COLUMNS):

@@ -103,7 +103,7 @@ def test_a_chain_sees_what_the_flow_does_not() -> None:
 
 def test_no_policy_earns_more_than_the_bound_where_amounts_are_drawn() -> None:
     rng = np.random.default_rng(80)
-    for _ in range(6):
+    for _ in range(3):
         problem, series = several_sols(rng, targets=5, sols=2)
         battery = dataclasses.replace(series.battery, charge_j=0.8e6)
         series = dataclasses.replace(series, battery=battery)
