@@ -141,3 +141,15 @@ def tallied() -> Iterator[Tally]:
         yield found
     finally:
         _RUNNING.reset(token)
+
+
+@contextmanager
+def uncounted() -> Iterator[None]:
+    """Leave what is done inside out of the tally that is kept here: it is done once a process, whoever asks
+    first.
+    """
+    token = _RUNNING.set(None)
+    try:
+        yield
+    finally:
+        _RUNNING.reset(token)

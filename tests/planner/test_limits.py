@@ -14,6 +14,7 @@ from planner.evaluate.model import Model
 from planner.notes import sketch
 from planner.options import PlannerOptions
 from planner.orienteering import solve as solve_routing
+from planner.orienteering.engines import warm_up
 from planner.orienteering.problem import Experiment, RoutingProblem
 from planner.plan_tree import plan_tree_to_dict
 from planner.problem import problem_from_dict
@@ -47,6 +48,14 @@ def test_a_clock_that_runs_away_leaves_a_plan_as_it_is(monkeypatch: pytest.Monke
     assert hectic.work_s == calm.work_s
     assert plan_tree_to_dict(hectic.tree, problem) == plan_tree_to_dict(calm.tree, problem)
     assert (hectic.upper, hectic.curve) == (calm.upper, calm.curve)
+
+
+def test_what_is_done_once_a_process_is_not_counted() -> None:
+    problem = example(time_s=4000.0)
+    solve(problem, time_limit_s=0.5)
+    later = solve(problem, time_limit_s=0.5)
+    warm_up.cache_clear()
+    assert solve(problem, time_limit_s=0.5).work_s == later.work_s
 
 
 def test_a_search_that_is_cut_short_says_how_much_was_done() -> None:
