@@ -44,7 +44,7 @@ from studies.common.domain_rows import (
     sums,
 )
 from studies.common.domain_runs import FAULTS, Fault, kept_run
-from studies.common.domain_split import PAIRS, Purpose, Seeds, reporting, tuning
+from studies.common.domain_split import PAIRS, Seeds, reporting, tuning
 from studies.common.pages import table, write_section
 from studies.common.warped import warped_run
 
@@ -223,8 +223,7 @@ def report(figures: Figures, seeds: Seeds, docs: Path) -> None:
     ValueError
         If the seeds are those that constants were set on.
     """
-    if seeds.purpose is not Purpose.REPORTING:
-        raise ValueError("figures of tuning seeds are not reported")
+    seeds.require_reporting()
     told = [f"{kind}: {_span(done)}" for kind, done in figures.seeds.items() if done]
     note = f"Seeds, drawn when the command ran: {'; '.join(told)}. Commit {figures.commit}."
     if figures.rows:

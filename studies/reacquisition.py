@@ -38,7 +38,7 @@ from rover_iface.vision.narrow.recall import LAID
 from rover_iface.vision.reacquisition import KnownPair, reacquire
 from rover_iface.vision.tracker import StereoView, TrackState
 from rover_iface.vision.trackers import make_tracker
-from studies.common.domain_split import Purpose, Seeds, reporting, tuning
+from studies.common.domain_split import Seeds, reporting, tuning
 from studies.common.pages import table, write_section
 from studies.common.perception_worlds import Shot
 from studies.common.reacquisition_worlds import ASIDES, Trial, view_of
@@ -229,8 +229,7 @@ def report(entries: list[Entry], seeds: Seeds, docs: Path) -> None:
     ValueError
         If the seeds are those that constants were set on.
     """
-    if seeds.purpose is not Purpose.REPORTING:
-        raise ValueError("figures of tuning seeds are not reported")
+    seeds.require_reporting()
     head = ["git", "rev-parse", "--short", "HEAD"]
     commit = subprocess.run(head, capture_output=True, text=True, check=True).stdout.strip()
     span = f"{seeds.values[0]} to {seeds.values[-1]}"

@@ -213,7 +213,7 @@ class _Program:
             if entering >= most - VIOLATED:
                 continue
             residual = capacity - flow.flow.toarray()
-            outermost, innermost = set(range(n1)) - _reached(residual, 0), _reached(residual.T, place)
+            outermost, innermost = set(range(n1)) - reached(residual, 0), reached(residual.T, place)
             for inside in (outermost, innermost) if outermost != innermost else (innermost,):
                 for k in np.nonzero(seen > entering + VIOLATED)[0].tolist():
                     if int(self.place[k]) in inside:
@@ -222,7 +222,7 @@ class _Program:
         return added
 
 
-def _reached(residual: Any, start: int) -> set[int]:
+def reached(residual: Any, start: int) -> set[int]:
     """Return the nodes that a node reaches over positive residual capacities."""
     found, queue = {start}, [start]
     while queue:

@@ -26,7 +26,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import maximum_flow
 
-from planner.contingency.flow_bound import least_time
+from planner.contingency.flow_bound import least_time, reached
 from planner.contingency.linear_program import solved
 from planner.evaluate.model import Floats, Ints
 from planner.sols.least_draw import least_draw
@@ -226,18 +226,7 @@ class FlowProgram:
             return []
         residual = capacity - flow.flow.toarray()
         largest = np.ones(len(capacity), np.bool_)
-        largest[_reached(residual, 0)] = False
+        largest[list(reached(residual, 0))] = False
         smallest = np.zeros(len(capacity), np.bool_)
-        smallest[_reached(residual.T, to)] = True
+        smallest[list(reached(residual.T, to))] = True
         return [smallest] if np.array_equal(smallest, largest) else [smallest, largest]
-
-
-def _reached(residual: Any, start: int) -> list[int]:
-    """Return the nodes that a node reaches over positive residual capacities."""
-    found, queue = {start}, [start]
-    while queue:
-        for to in np.nonzero(residual[queue.pop()] > 0)[0].tolist():
-            if to not in found:
-                found.add(to)
-                queue.append(to)
-    return sorted(found)

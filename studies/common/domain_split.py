@@ -50,6 +50,17 @@ class Seeds:
         if self.purpose is Purpose.TUNING and len(tuned) < len(self.values):
             raise ValueError(f"tuning takes seeds below {TUNING_SEEDS.stop}, not {self.values}")
 
+    def require_reporting(self) -> None:
+        """Refuse to write a page of results.
+
+        Raises
+        ------
+        ValueError
+            If the seeds are those that constants were set on.
+        """
+        if self.purpose is not Purpose.REPORTING:
+            raise ValueError("figures of tuning seeds are not reported")
+
 
 def tuning(count: int, first: int = 0) -> Seeds:
     """Return seeds to tune with."""
