@@ -116,3 +116,18 @@ def test_what_is_no_plan_is_refused_in_the_dialog_and_nothing_is_made(server: Se
         expect(dialog.get_by_role("alert")).to_contain_text("line 1")
         expect(dialog.get_by_test_id("save-merge")).to_be_disabled()
     assert len(ask(server, f"/missions/{mission}/plans")["items"]) == 1
+
+
+def test_a_plan_that_is_opened_behind_the_comparison_is_compared_with_another(server: Server) -> None:
+    mission = small_mission(server, "Behind the dialog")
+    first, second = make_plan(server, mission), make_plan(server, mission)
+    with chromium() as browser, open_page(browser, server) as page:
+        page.goto(f"{server}/?quality=test#/m/{mission}?plan={first}&tab=plan")
+        page.get_by_test_id("compare").click()
+        dialog = page.get_by_role("dialog", name="Compare plans")
+        expect(dialog.get_by_test_id("paired")).to_contain_text("Beats the other with")
+        expect(dialog.get_by_test_id("compare-with")).to_have_value(second)
+        page.evaluate("hash => { location.hash = hash }", f"#/m/{mission}?plan={second}&tab=plan")
+        expect(dialog.locator(".heads .a b")).to_contain_text("#2")
+        expect(dialog.get_by_test_id("compare-with")).to_have_value(first)
+        expect(dialog.get_by_test_id("paired")).to_contain_text("Beats the other with")
