@@ -178,8 +178,10 @@ class BranchAndCut:
             if self._stalled(gaps):
                 break
             before = self._separator.work
-            rows = self._separator.rows(point, self.proof.value, thorough=root or k % 4 == 0)
+            thorough = root or k % 4 == 0
+            rows = self._separator.rows(point, self.proof.value, thorough=thorough)
             spend(Step.ARC, self._separator.work - before)
+            spend(Step.HANDED, _FOUND * len(rows) + _THOROUGH * self._tours.nodes * thorough)
             if not rows:
                 if self._integral(point):
                     self._take(point)
@@ -197,12 +199,12 @@ class BranchAndCut:
             self._offer(point)
             if self._done(units):
                 return
-        if root:
-            box = self._shrunk(box)
-            point, bound = self._solved(box)
         if now_s() >= until:
             self._push(box, units)
             return
+        if root:
+            box = self._shrunk(box)
+            point, bound = self._solved(box)
         self._part(box, units, point, until)
 
     def _solved(self, box: Box) -> tuple[FractionalTour, Bound]:
@@ -376,6 +378,7 @@ def _first(scored: list[tuple[float, int, _Branch]], most: int) -> list[_Branch]
     return [branch for _, _, branch in scored[:most]]
 
 
+_FOUND, _THOROUGH = 35.0, 7.0  # cost of a row found, and of a node in a thorough search, as `Step.HANDED`
 _FEW = 20  # columns or rows that are not worth a round of their own
 _OLD = 5  # rounds without a multiplier after which a row may go
 _WHOLE = 1e-5  # distance from a whole number that counts as none

@@ -46,10 +46,11 @@ _PIECES = 50  # of one annealing alone, so that it can be stopped
 _UNLIMITED = 1 << 60  # steps
 
 _LAID_OUT = 2.5  # cost of each pair of nodes, when the neighbours are sorted
-_WEIGHTS = np.array([0.46, 0.8, 0.58, 0.067, 0.055, 0.3])
+_WEIGHTS = np.array([0.53, 0.92, 0.67, 0.077, 0.063, 0.35])
 """Cost of each kind of work in `tour_kernels` (KINDS,), in `Step.SURVEY`.
 
-Least squares over tours of the tuning files, and a fifth more for a machine whose caches others share.
+Least squares over tours of the tuning files, and four tenths more for a machine whose cores and caches
+others share, where a fifth more took up to half above its limit.
 """
 
 
