@@ -177,24 +177,22 @@ class _Search:
         It is what was asked for, so it need not be calm; but it must keep the limits, or bear a close look,
         with room.
         """
-        limits = self.check.limits
         judged = self.judge(self.at)
         if judged.normal is None:
             return None
-        calm = not judged.findings and judged.restless is None
-        roomy = not judged.findings and judged.strain <= limits.designated_strain
-        if not (calm or roomy or judged.close_strain <= 1.0):
+        if not (self.roomy(judged) or judged.close_strain <= 1.0):
             return None
         posture = self.reached(judged)
-        if posture is None:
-            if judged.findings:
-                self.asked = 0  # what only a close look takes does not end the search for what is safe
-            return None
-        slope = self.slope(judged, posture)
-        if slope <= limits.designated_slope_rad:
+        if posture is not None:
             return self.taken(judged, posture)
-        self.leave(judged, Finding(Reason.SLOPE, slope, limits.designated_slope_rad, "rad"))
+        if judged.findings:
+            self.asked = 0  # what only a close look takes does not end the search for what is safe
         return None
+
+    def roomy(self, judged: Judged) -> bool:
+        """Return whether a surface keeps every limit, and with room where it is not calm."""
+        room = judged.restless is None or judged.strain <= self.check.limits.most_strain
+        return not judged.findings and room
 
     def sweep(self, coarse: float) -> PlacementVerdict | None:
         """Judge the points of a grid, the nearest first; None if none can be taken."""
@@ -207,7 +205,7 @@ class _Search:
             judged = self.judge(point)
             if judged.normal is None:
                 continue
-            if judged.findings or (judged.restless is not None and judged.strain > limits.most_strain):
+            if not self.roomy(judged):
                 if judged.close_strain <= 1.0:
                     self.close.append(judged)
             elif judged.restless is not None:

@@ -31,12 +31,9 @@ class SafetyLimits:
         keeps this share of its limits, no hole is wider and no larger share lies beside a step; and if its
         normal is that certain. The nearest calm point is taken, and where there is none the safe one of
         least strain.
-    designated_strain, designated_slope_rad
-        The designated point itself is taken, calm or not, if it takes no larger share of any limit than the
-        first and the tool stands no steeper than the second: it is what was asked for.
     most_strain
-        Largest share of any limit that a safe surface which is not calm may take; those of relief and holes
-        are taken to `calm_margin_m`, and may be more than 1.
+        Largest share of any limit that a safe surface which is not calm may take, the designated point or
+        another; those of relief and holes are taken to `calm_margin_m`.
     close_relief, close_hole_m, close_doubt
         With a second cloud, where nothing is safe, points beside steps are left out of the relief, and a
         cloud that does not know the place is not asked (`JointCheck.close_strain`): the relief may then take
@@ -85,9 +82,7 @@ class SafetyLimits:
     calm_hole_m: float = 0.012
     calm_doubt: float = 0.01
     calm_normal_rad: float = math.radians(10.0)
-    designated_strain: float = 0.85
-    designated_slope_rad: float = math.radians(14.0)
-    most_strain: float = 1.1
+    most_strain: float = 0.85
     close_relief: float = 0.85
     close_hole_m: float = 0.0085
     close_doubt: float = 0.085
@@ -100,7 +95,7 @@ class SafetyLimits:
     most_doubt: float = 0.20
     most_view_rad: float = math.radians(70.0)
     least_rock_share: float = 0.985
-    most_slope_rad: float = math.radians(16.0)
+    most_slope_rad: float = math.radians(14.0)
     calm_slope_rad: float = math.radians(11.0)
     tool_length_m: float = 0.14
     clear_m: float = 0.03

@@ -159,7 +159,7 @@ def test_a_calm_place_is_taken_before_a_nearer_one_that_is_just_safe(k9: RoverPr
     anywhere = plan_placement(rough, at, k9, segmentation=found, limits=replace(limits, calm=1.0))
     assert anywhere.decision is Decision.PLACE
     # the designated point itself need not be calm, but keeps room to the limits
-    with_room = replace(limits, designated_strain=1.01 * calm.findings[0].value)
+    with_room = replace(limits, most_strain=1.01 * calm.findings[0].value)
     meant = plan_placement(rough, at, k9, segmentation=found, limits=with_room)
     assert (meant.decision, meant.tried) == (Decision.PLACE, 1)
     # all of it is ridged and nothing calm: the calmest of what is safe
@@ -170,6 +170,24 @@ def test_a_calm_place_is_taken_before_a_nearer_one_that_is_just_safe(k9: RoverPr
     strains = [check.judge(p).strain for p in check.candidates(at)]
     assert min(strains) > limits.calm
     assert check.judge(calmest.point).strain == pytest.approx(min(strains), abs=0.05)
+
+
+def test_what_is_asked_of_the_designated_point_is_asked_of_a_place_beside_it(k9: RoverProfile) -> None:
+    # three unsafe places of fresh rocks took 95 to 109 % of a limit
+    cloud, _, found = scene()
+    at = on_first_rock()
+    near = np.linalg.norm(cloud.points - at, axis=1)
+    ridges = 0.014 * np.sin(2.0 * np.pi * cloud.points[:, 1] / 0.03) * (near < 0.07)
+    rough = replace(cloud, points=cloud.points + ridges[:, None] * np.array([-0.5, 0.0, 0.8]))
+    limits = SafetyLimits(most_rms_m=0.012, edge_px=0, search_m=0.012)
+    check = PatchCheck(rough, found.labels, 0, k9, limits)
+    judged = [check.judge(point) for point in check.candidates(at)]
+    assert any(not one.findings for one in judged)
+    least = min(one.strain for one in judged)
+    assert limits.most_strain < least < 1.0
+    assert plan_placement(rough, at, k9, segmentation=found, limits=limits).decision is Decision.REFUSE
+    wider = replace(limits, most_strain=1.01 * least)
+    assert plan_placement(rough, at, k9, segmentation=found, limits=wider).accepted
 
 
 def test_a_place_beside_a_step_is_left_and_one_on_it_refused(k9: RoverProfile) -> None:
@@ -275,7 +293,7 @@ def test_a_point_left_because_the_tool_would_tilt_says_so(k9: RoverProfile) -> N
     verdict = plan_placement(cloud, at, k9, segmentation=found, arm=tilting)
     assert verdict.decision is Decision.PLACE_NEAR
     assert [f.reason for f in verdict.findings] == [Reason.SLOPE]
-    assert verdict.findings[0].value > verdict.findings[0].limit == SafetyLimits().designated_slope_rad
+    assert verdict.findings[0].value > verdict.findings[0].limit == SafetyLimits().most_slope_rad
     tilt = 0.19  # more than elsewhere is taken, but it is the point that was asked for
     assert plan_placement(cloud, at, k9, segmentation=found, arm=tilting).decision is Decision.PLACE
 
