@@ -24,7 +24,7 @@ Array = npt.NDArray[Any]
 _BITS = 44  # all prizes together are 2^44 units of a bound: 2^50 is the most of one multiplier, 2^63 of a sum
 _LARGEST = 1 << 50
 _UNUSED = 1e-9  # multiplier that counts as none
-# What else is done in Python, in numbers handed to the solver; least squares over ten files of 52 to 262 nodes.
+# What else Python does, in numbers handed to the solver; least squares over ten files of 52 to 262 nodes.
 _ROW, _COLUMN = 34.0, 5.0  # of one new row or column, beside its coefficients
 _LOOKED = 13.0  # of one row, when columns are added
 _SOLVED, _BOUNDED = 4.0, 3.3  # of one row or node, when the program is solved and bounded
