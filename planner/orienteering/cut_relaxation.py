@@ -17,7 +17,7 @@ from ortools.linear_solver import pywraplp
 
 from planner.orienteering.cut_kernels import PLAIN, edge_profits
 from planner.orienteering.cuts import FractionalTour, Row
-from planner.tally import Step, spend
+from planner.tally import SECONDS, Step, spend
 
 Array = npt.NDArray[Any]
 
@@ -27,6 +27,7 @@ _UNUSED = 1e-9  # multiplier that counts as none
 # What else Python does, in numbers handed to the solver; least squares over ten files of 52 to 262 nodes.
 _ROW, _COLUMN = 34.0, 5.0  # of one new row or column, beside its coefficients
 _LOOKED = 13.0  # of one row, when columns are added
+_LATE = 22.0  # of one coefficient of a column in a row that Clp has already: its matrix is moved for each
 _SOLVED, _BOUNDED = 4.0, 3.3  # of one row or node, when the program is solved and bounded
 _PENALTY = 4.0  # of a row that cannot hold, in prizes of all nodes together
 
@@ -143,6 +144,7 @@ class Relaxation:
         self._column_of[:] = -1
         self._x_bounds = np.empty((0, 2), dtype=np.int8)
         self._handles: list[Any] = []
+        self._handed = 0
         self._row_on = np.empty(0, dtype=np.bool_)
         self._local: dict[Row, int] = {}
         self._optimal = False
@@ -157,7 +159,12 @@ class Relaxation:
             return
         entries = [row.edge_coefficients(self.tail[edges], self.head[edges]) for row in self.rows]
         handed = sum(int(np.count_nonzero(values)) for values in entries)
-        spend(Step.HANDED, handed + _COLUMN * len(edges) + _LOOKED * len(self.rows))
+        spend(Step.HANDED, _COLUMN * len(edges) + _LOOKED * len(self.rows))
+        if _LATE * handed > self._dearness():
+            self.rows = [row for row in self.rows if row not in self._local]
+            self._build(np.concatenate([self._edge_of, edges]))
+            return
+        spend(Step.HANDED, _LATE * handed)
         first = len(self._x)
         for e in edges.tolist():
             column = self._solver.NumVar(0.0, 1.0, "")
@@ -172,6 +179,15 @@ class Relaxation:
         self._edge_of = np.concatenate([self._edge_of, edges])
         fresh = np.tile(np.array([0, 1], dtype=np.int8), (len(edges), 1))
         self._x_bounds = np.concatenate([self._x_bounds, fresh])
+
+    def _dearness(self) -> float:
+        """Return what it costs to build the program anew and to solve it from nothing, as `Step.HANDED`.
+
+        An iteration for each column is what that takes, nearly.
+        """
+        rows, columns = len(self.rows), len(self._x)
+        pivots = columns * (rows + self.tours.nodes) * SECONDS[Step.PIVOT] / SECONDS[Step.HANDED]
+        return self._handed + _ROW * rows + _COLUMN * columns + pivots
 
     def add_rows(self, rows: list[Row], *, on: bool = True) -> None:
         """Add inequalities; rows that are not `on` hold only in boxes that name them."""
@@ -188,6 +204,7 @@ class Relaxation:
             seen = np.nonzero(visits)[0].tolist()
             for v in seen:
                 handle.SetCoefficient(self._y[v], float(visits[v]))
+            self._handed += len(named) + len(seen)
             handed += len(named) + len(seen)
             handle.SetCoefficient(self._short, 1.0)
             self._handles.append(handle)
