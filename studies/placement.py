@@ -7,7 +7,8 @@ and an error of 5 mm as of a hand-off; rocks that a neighbour hides are left out
 pair look at each (`placement_stereo`): the mast stands at other angles than those that are read and is out
 of calibration, and its cloud is laid on the hazcams' before it is used. Rocks of `--rendered` are seen by
 dense stereo on rendered pairs, those of `--rocks` by the cheap model of stereo; the two run through the same
-check, so that the first vouch for the second.
+check, so that the first vouch for the second. The mast's narrow pair looks at a place before the tool is put
+there; what it sees is rendered for both.
 
 The truth is cast on the triangles, along the tool's true axis and with the arm's error, against what the
 instrument bears (`TrueLimits`). An accept is unsafe if anything is wrong there. A refusal, or an order to
@@ -31,24 +32,31 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from rover_iface.behaviour.close_look import registered
+from rover_iface.errors import CameraError, RenderError
 from rover_iface.placement import SafetyLimits, plan_placement, segment
 from rover_iface.placement.arm import Arm, ArmRefusal, Posture
 from rover_iface.placement.cloud import SurfaceCloud
 from rover_iface.placement.cloud_alignment import Alignment, align
+from rover_iface.placement.narrow_looks import NarrowLook
 from rover_iface.placement.segmentation import Segmentation, SegmentationOptions
 from rover_iface.profile import load_profile
 from studies.common.placement_rocks import RockScene, TrueLimits, rock_scene
-from studies.common.placement_stereo import RockView
+from studies.common.placement_stereo import RockView, narrow_view
 
 Array = npt.NDArray[np.float64]
 
 HANDOFF_M = 0.005
 ON_POINT_M = 0.005
-EVALUATION = 29_000
-"""Seeds from here on were not looked at; limits were set on 5,000 to 25,999, the figures are of 27,000 on."""
+EVALUATION = 41_000
+"""Seeds from here on were not looked at; limits were set on 5,000 to 25,999 and 29,000 to 29,742, those of
+the narrow look on 16,000 to 16,112."""
 
 MAST_SEED = 1 << 40
 """Added to a rock's seed for the noise of the mast's pictures."""
+
+NARROW_SEED = 1 << 41
+"""Added to a rock's seed for the noise of the narrow pair's pictures."""
 
 
 def designated(rock: RockScene) -> tuple[Array, Array]:
@@ -108,6 +116,24 @@ def rendered_clouds(rock: RockScene, at: Array) -> tuple[SurfaceCloud, SurfaceCl
     return cloud, laid.cloud if laid is not None and laid.believed() else None
 
 
+def narrow_look(rock: RockScene, cloud: SurfaceCloud, laid: Alignment | None) -> NarrowLook:
+    """Return what asks the mast's narrow pair of a rock for a cloud, rendered, as the `full` rover does.
+
+    `laid` is the wide pair's cloud registered to the hazcams' `cloud`, None if that was not believed.
+    """
+    motion = None if laid is None else laid.motion
+
+    def look(at: Array) -> SurfaceCloud | None:
+        try:
+            view = narrow_view(rock.scene, rock.sun, rock.seed, at, motion)
+            narrow = view.rendered_cloud(rock.seed + NARROW_SEED)
+        except (CameraError, RenderError):
+            return None
+        return registered(narrow, motion, cloud if laid is None else laid.cloud) if len(narrow) else None
+
+    return look
+
+
 def trial(seed: int, rendered: bool) -> dict[str, Any]:
     """Return what came of one rock."""
     profile, limits, true = load_profile("k9"), SafetyLimits(), TrueLimits()
@@ -125,8 +151,23 @@ def trial(seed: int, rendered: bool) -> dict[str, Any]:
     began = time.process_time()
     found = segment(cloud, SegmentationOptions() if rendered else SegmentationOptions(rounds=3, thinning=2))
     laid = align(mast, cloud)
-    second = laid.cloud if laid is not None and laid.believed() else None
-    verdict = plan_placement(cloud, at, profile, limits=limits, segmentation=found, second=second)
+    trusted = laid if laid is not None and laid.believed() else None
+    looks: list[Array] = []
+    ask = narrow_look(rock, cloud, trusted)
+
+    def narrow(point: Array) -> SurfaceCloud | None:
+        looks.append(point)
+        return ask(point)
+
+    verdict = plan_placement(
+        cloud,
+        at,
+        profile,
+        limits=limits,
+        segmentation=found,
+        second=None if trusted is None else trusted.cloud,
+        narrow=narrow,
+    )
     row: dict[str, Any] = {
         "seed": seed,
         "diameter_m": rock.diameter_m,
@@ -135,6 +176,7 @@ def trial(seed: int, rendered: bool) -> dict[str, Any]:
         "reasons": [f.reason.value for f in verdict.findings],
         "findings": [[f.reason.value, f.value, f.limit] for f in verdict.findings],
         "tried": verdict.tried,
+        "looks": len(looks),
         "picked_safe": is_safe(rock, picked, arm, true),
         "plan_s": time.process_time() - began,
         "mast": _alignment_figures(laid, navcam, at),

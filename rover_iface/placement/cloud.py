@@ -26,6 +26,9 @@ DISPARITY_RAD = 0.0015
 NAVCAM_DISPARITY_RAD = 0.0003
 """The same of the navcams."""
 
+NARROW_DISPARITY_RAD = 0.00024
+"""The same of the pancams, binned by two (`behaviour.close_look`)."""
+
 
 @dataclass(frozen=True, eq=False)
 class SurfaceCloud:

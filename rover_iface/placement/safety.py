@@ -14,38 +14,28 @@ anything beside it, and the arm is asked.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from rover_iface.errors import PlacementError
-from rover_iface.placement.arm import Arm, ArmRefusal, Posture
-from rover_iface.placement.arm_motion import Motion
-from rover_iface.placement.base_adjustment import base_move
+from rover_iface.placement.arm import Arm
 from rover_iface.placement.cloud import Array, SurfaceCloud
 from rover_iface.placement.joint_check import JointCheck
+from rover_iface.placement.narrow_looks import NarrowLook, NarrowLooks
 from rover_iface.placement.patch_check import Judged, PatchCheck
 from rover_iface.placement.safety_limits import SafetyLimits
+from rover_iface.placement.search import ArmCheck, Search
 from rover_iface.placement.second_labels import SECOND_EDGE_PX, second_labels
 from rover_iface.placement.segmentation import (
     GROUND,
-    RockSegment,
     Segmentation,
     SegmentationOptions,
     segment,
 )
 from rover_iface.placement.verdict import Decision, Finding, PlacementVerdict, Reason
 from rover_iface.profile import RoverProfile
-
-ArmCheck = Callable[[Array, Array], Posture | Motion | ArmRefusal]
-"""Asked for a surface point (3,) and its outward unit normal (3,), rover frame. `arm.solve` is one; so is a
-call of `plan_motion` with its obstacles, whose refusal on collision counts like any other."""
-
-
-MOST_ASKED = 200
-"""How many safe points the arm is asked for before the rover is said to be in the wrong place."""
 
 
 def plan_placement(
@@ -59,6 +49,7 @@ def plan_placement(
     approach_axis: npt.ArrayLike | None = None,
     rock_only: bool = True,
     second: SurfaceCloud | None = None,
+    narrow: NarrowLook | None = None,
 ) -> PlacementVerdict:
     """Return whether and where the tool may be put on the rock that holds `designated_point`.
 
@@ -82,6 +73,9 @@ def plan_placement(
         Whether a point on the ground is refused.
     second
         What another pair sees of the same place, registered to `cloud` (`cloud_alignment.align`).
+    narrow
+        Asked for what the mast's narrow pair sees of a place before the tool is put there, registered to
+        `cloud`; None on a rover without one.
 
     Raises
     ------
@@ -107,7 +101,8 @@ def plan_placement(
     check = _checks(cloud, found, label, at, profile, limits, axis, second)
     rock = found.rocks[label] if label != GROUND else None
     ask = arm if arm is not None else Arm(profile.arm).solve
-    return _search(check, at, ask, rock, profile)
+    looks = NarrowLooks(check, narrow, profile)
+    return _search(Search(check, at, ask, rock, looks), profile)
 
 
 def _checks(
@@ -129,21 +124,15 @@ def _checks(
     return JointCheck(checks)
 
 
-def _search(
-    check: JointCheck,
-    at: Array,
-    ask: ArmCheck,
-    rock: RockSegment | None,
-    profile: RoverProfile,
-) -> PlacementVerdict:
+def _search(search: Search, profile: RoverProfile) -> PlacementVerdict:
     """Judge the designated point, then others of the same rock, the nearest first.
 
     The designated point is taken if it is safe with some room. Else the nearest calm point that the arm
     reaches; without one, the nearest where it would tilt the tool; without one, the safe one of least strain.
     Where none is safe, the search is done again in finer steps, and then the one is taken that bears a close
-    look best.
+    look best, or one that only the narrow pair knows. Before any is taken the narrow pair looks at it; of
+    what it sees already, the nearest good point is taken.
     """
-    search = _Search(check, at, ask, rock)
     meant = search.designated()
     if meant is not None:
         return meant
@@ -154,179 +143,7 @@ def _search(
         if search.asked:
             break
     close = sorted(search.close, key=lambda one: one.close_strain)
-    return search.first_reached(close) or search.not_placed(profile)
-
-
-class _Search:
-    """What was tried for one designated point (3,)."""
-
-    def __init__(self, check: JointCheck, at: Array, ask: ArmCheck, rock: RockSegment | None) -> None:
-        self.check, self.at, self.ask, self.rock = check, at, ask, rock
-        self.first: Judged | None = None
-        self.out_of_reach: Judged | None = None
-        self.crease: Finding | None = None
-        self.left: Finding | None = None
-        """Why the designated point was left though nothing is wrong with the surface there."""
-        self.close: list[Judged] = []
-        """Points that only a close look would take."""
-        self.tried = self.asked = 0
-
-    def designated(self) -> PlacementVerdict | None:
-        """Judge the designated point; None if it is not to be taken before others are looked at.
-
-        It is what was asked for, so it need not be calm; but it must keep the limits, or bear a close look,
-        with room.
-        """
-        judged = self.judge(self.at)
-        if judged.normal is None:
-            return None
-        if not (self.roomy(judged) or judged.close_strain <= 1.0):
-            return None
-        posture = self.reached(judged)
-        if posture is not None:
-            return self.taken(judged, posture)
-        if judged.findings:
-            self.asked = 0  # what only a close look takes does not end the search for what is safe
-        return None
-
-    def roomy(self, judged: Judged) -> bool:
-        """Return whether a surface keeps every limit, and with room where it is not calm."""
-        room = judged.restless is None or judged.strain <= self.check.limits.most_strain
-        return not judged.findings and room
-
-    def sweep(self, coarse: float) -> PlacementVerdict | None:
-        """Judge the points of a grid, the nearest first; None if none can be taken."""
-        limits = self.check.limits
-        safe: list[Judged] = []
-        tilted: list[tuple[Judged, Posture | Motion]] = []
-        for point in self.check.candidates(self.at, coarse=coarse):
-            if self.asked == MOST_ASKED:
-                break
-            judged = self.judge(point)
-            if judged.normal is None:
-                continue
-            if not self.roomy(judged):
-                if judged.close_strain <= 1.0:
-                    self.close.append(judged)
-            elif judged.restless is not None:
-                safe.append(judged)
-            elif (posture := self.reached(judged)) is not None:
-                slope = self.slope(judged, posture)
-                if slope <= limits.calm_slope_rad:
-                    return self.taken(judged, posture)
-                self.leave(judged, Finding(Reason.SLOPE, slope, limits.calm_slope_rad, "rad"))
-                tilted.append((judged, posture))
-        if tilted:
-            return self.taken(*tilted[0])
-        return self.first_reached(sorted(safe, key=lambda one: one.strain))
-
-    def first_reached(self, ordered: Sequence[Judged]) -> PlacementVerdict | None:
-        """Return the verdict for the first of some points that the arm reaches; None if it reaches none."""
-        for judged in ordered:
-            if (posture := self.reached(judged)) is not None:
-                return self.taken(judged, posture)
-        return None
-
-    def judge(self, point: Array) -> Judged:
-        """Judge one more point, the designated one once."""
-        if self.first is not None and point is self.at:
-            return self.first
-        judged = self.check.judge(point, brief=self.first is not None)
-        self.tried += 1
-        self.first = self.first or judged
-        return judged
-
-    def reached(self, judged: Judged) -> Posture | Motion | None:
-        """Return the arm's answer for a safe point; None when it does not reach or would tilt the tool, or
-        the point is not on the rock of the designated one.
-        """
-        if self.asked == MOST_ASKED:
-            return None
-        self.asked += 1
-        assert judged.normal is not None
-        answer = self.ask(judged.point, judged.normal)
-        if isinstance(answer, ArmRefusal):
-            why = Finding(Reason.ARM, math.nan, math.nan, "", f"{answer.limit}: {answer.reason}")
-        else:
-            limits = self.check.limits
-            slope = self.slope(judged, answer)
-            if slope <= limits.most_slope_rad:
-                depth = self.check.crease_m(self.at, judged.point)
-                if depth <= limits.most_crease_m:
-                    return answer
-                crease = Finding(Reason.CREASE, depth, limits.most_crease_m, "m")
-                self.crease = self.crease or crease
-                self.leave(judged, crease)
-                return None
-            why = Finding(Reason.SLOPE, slope, limits.most_slope_rad, "rad")
-        refused = judged.with_finding(why)
-        if self.first is judged:
-            self.first = refused
-        self.out_of_reach = self.out_of_reach or refused
-        return None
-
-    def leave(self, judged: Judged, why: Finding) -> None:
-        """Take down why a point was left; only that of the designated one is told."""
-        if judged is self.first:
-            self.left = self.left or why
-
-    def slope(self, judged: Judged, posture: Posture | Motion) -> float:
-        """Return the angle between tool and surface normal, the normal's uncertainty added."""
-        assert judged.measures is not None
-        return posture.tool_tilt_rad + self.check.limits.sigmas * judged.measures.normal_sigma_rad
-
-    def taken(self, judged: Judged, posture: Posture | Motion) -> PlacementVerdict:
-        """Return the verdict for a safe point that the arm reaches."""
-        assert self.first is not None
-        designated = judged is self.first
-        return PlacementVerdict(
-            Decision.PLACE if designated else Decision.PLACE_NEAR,
-            judged.point,
-            judged.normal,
-            float(np.linalg.norm(judged.point - self.at)),
-            judged.measures,
-            () if designated else self.first.findings or self._why_left(self.first),
-            self.rock,
-            self.tried,
-            posture=posture,
-        )
-
-    def _why_left(self, first: Judged) -> tuple[Finding, ...]:
-        return tuple(why for why in (first.restless, self.left) if why is not None)
-
-    def not_placed(self, profile: RoverProfile) -> PlacementVerdict:
-        """Return the refusal, or the move that would bring a safe point into reach."""
-        assert self.first is not None
-        away = self.out_of_reach
-        if away is None:
-            return PlacementVerdict(
-                Decision.REFUSE,
-                measures=self.first.measures,
-                findings=self.first.findings if self.crease is None else (*self.first.findings, self.crease),
-                rock=self.rock,
-                tried=self.tried,
-            )
-        assert away.normal is not None
-        move = base_move(self.check.cloud, profile, away.point, away.normal)
-        if isinstance(move, str):
-            return PlacementVerdict(
-                Decision.REFUSE,
-                measures=away.measures,
-                findings=(*away.findings, Finding(Reason.NO_BASE, math.nan, math.nan, "", move)),
-                rock=self.rock,
-                tried=self.tried,
-            )
-        return PlacementVerdict(
-            Decision.MOVE_BASE,
-            away.point,
-            away.normal,
-            float(np.linalg.norm(away.point - self.at)),
-            away.measures,
-            away.findings,
-            self.rock,
-            self.tried,
-            base_move=move,
-        )
+    return search.first_reached(close) or search.by_looks() or search.not_placed(profile)
 
 
 def _label_at(

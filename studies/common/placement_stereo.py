@@ -13,13 +13,28 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from rover_iface.behaviour.close_look import (
+    BLOCK_PX,
+    LEAST_CONTRAST,
+    NARROW,
+    SCALE,
+    STEP,
+    aim,
+    depths,
+)
 from rover_iface.behaviour.repertoire import RIGHT_MARGIN_PX, WINDOW_PX
 from rover_iface.cameras.linear import FAR_M, aligned_pair
 from rover_iface.cameras.model import CameraModel, ModelKind
 from rover_iface.cameras.rig import CameraRig, load_cameras
 from rover_iface.cameras.stereo import Cloud, dense_stereo
 from rover_iface.frames import Transform
-from rover_iface.placement.cloud import DISPARITY_RAD, NAVCAM_DISPARITY_RAD, SurfaceCloud, cloud_of_stereo
+from rover_iface.placement.cloud import (
+    DISPARITY_RAD,
+    NARROW_DISPARITY_RAD,
+    NAVCAM_DISPARITY_RAD,
+    SurfaceCloud,
+    cloud_of_stereo,
+)
 from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.simulator.render.scene import Scene
 
@@ -30,6 +45,9 @@ Seen = tuple[CameraModel, CameraModel, Array, npt.NDArray[np.int32], Array]
 MAST_M = (0.15, 0.0, 1.45)
 MAST_ERROR_RAD = math.radians(1.0)
 """Deviation of pan and tilt from what is read: that of Kim et al. 2009, five times the K9 profile's."""
+
+SAME_ERROR = 0.89
+"""Correlation of what the mast is off in two looks: K9's has 3.5 mrad of bias and 1.2 of noise."""
 
 OFF_PX = 1.4
 """Deviation of what all disparities of the mast's pair are off: one per cent of the range."""
@@ -71,6 +89,8 @@ class RockView:
         How the rover's belief differs: a motion, and what all disparities are off.
     step
         Every so many columns and rows give points.
+    farthest_m
+        Nothing beyond this depth is searched for; None without a limit.
     """
 
     scene: Scene
@@ -86,6 +106,7 @@ class RockView:
     block_px: int = 7
     least_contrast: float = 2.5
     step: int = 1
+    farthest_m: float | None = None
 
     @cached_property
     def seen(self) -> Seen:
@@ -148,6 +169,7 @@ class RockView:
             block_px=self.block_px,
             least_contrast=self.least_contrast,
             step=self.step,
+            farthest_m=self.farthest_m,
         )
         return self._cloud(dense)
 
@@ -260,6 +282,44 @@ def mast_view(scene: Scene, sun: Sun, seed: int, at: Array) -> RockView:
         block_px=5,
         least_contrast=1.5,
         step=2,
+    )
+
+
+def narrow_view(scene: Scene, sun: Sun, seed: int, at: Array, laid: Transform | None) -> RockView:
+    """Return the view of the mast's narrow pair, pointed so that both cameras hold a point (3,).
+
+    The mast stands off by much the same as when the wide pair looked (`mast_view` with this seed): most of
+    what it is off is a bias (`SAME_ERROR`). `laid` is how the wide pair's cloud was moved onto the hazcams',
+    None if that was not believed.
+    """
+    wide = MAST_ERROR_RAD * np.random.default_rng([seed, 0x3A57]).standard_normal(2)
+    rng = np.random.default_rng([seed, 0x9A88, *(np.round(at * 1e4).astype(np.int64) + (1 << 20))])
+    off = SAME_ERROR * wide + math.sqrt(1.0 - SAME_ERROR**2) * MAST_ERROR_RAD * rng.standard_normal(2)
+    rig = CameraRig(load_cameras("k9"), MAST_M)
+    pan, tilt, windows = aim(rig, at if laid is None else np.asarray(laid.inverse().apply(at)))
+    pair = []
+    for name, window in zip(NARROW, windows, strict=True):
+        camera = rig.camera(name, pan + float(off[0]), tilt + float(off[1])).scaled(SCALE)
+        pair.append(camera.window(*window))
+    told = rig.camera(NARROW[0], pan, tilt)
+    nearest, farthest = depths(told, at)
+    return RockView(
+        scene,
+        sun,
+        pair[0],
+        pair[1],
+        NARROW[0],
+        nearest,
+        NAVCAM,
+        disparity_rad=NARROW_DISPARITY_RAD,
+        told_from_true=rig.rover_from_mast(pan, tilt)
+        * rig.rover_from_mast(pan + float(off[0]), tilt + float(off[1])).inverse(),
+        # both pairs are out of calibration by the same angle
+        off_px=OFF_PX * float(rng.standard_normal()) * pair[0].hs / rig.camera("navcam_left").hs,
+        block_px=BLOCK_PX,
+        least_contrast=LEAST_CONTRAST,
+        step=STEP,
+        farthest_m=farthest,
     )
 
 
