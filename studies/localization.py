@@ -4,8 +4,12 @@
 
     python -m studies.localization --cache var/localization          # about 15 CPU minutes the first time
     python -m studies.localization --trials 20 --kilometre-legs 40 --rendered 0   # a short look
+    python -m studies.localization --only drives                # rendered steps and their kilometre
+    python -m studies.localization --only drives --seed 734112  # the same seeds again; goes on after a stop
+    python -m studies.localization --only drives --tuning       # seeds that may set constants; writes nothing
 
-Extracted legs are kept in the cache folder; matching and all that follows runs anew each time.
+Rendered drives (half a CPU hour) run only when asked for. Extracted legs and rendered steps are kept in the
+cache folder; matching and all that follows runs anew each time.
 """
 
 from __future__ import annotations
@@ -20,15 +24,27 @@ from typing import Any
 import numpy as np
 
 from rover_iface.localization.leg import LegResult, localise_leg
+from studies.common.domain_split import reporting, tuning
 from studies.common.localization_drive import (
     feature_steps,
     kilometre,
+    modelled_draw,
     speed_summary,
     step_figures,
     tied_leg,
 )
 from studies.common.localization_legs import LegRecord, leg_record, wheel_prior
 from studies.common.localization_plots import draw_kilometre, draw_leg, draw_trials
+from studies.common.odometry_drives import Drive, Flown, flown, ground_of, stops_of
+from studies.common.odometry_figures import (
+    draw_steps,
+    flown_kilometre,
+    kilometre_table,
+    long_figures,
+    long_table,
+    steps_table,
+    steps_told,
+)
 from studies.common.pages import write_section
 from studies.common.published_matching import PublishedOptions, match_as_published
 from studies.common.rock_solids import table_one, whole_solids
@@ -36,6 +52,8 @@ from studies.common.rock_solids import table_one, whole_solids
 ROOT = Path(__file__).resolve().parent.parent
 FIRST_SEED = 20300
 KILOMETRE_SEED = 2000
+SHORT_M = 20.0
+"""Way of a drive that is one of several."""
 TURNS = tuple(np.radians(np.arange(-5.0, 5.5, 1.0)).tolist())
 
 
@@ -179,12 +197,13 @@ def kilometre_figures(records: list[LegRecord], runs: int) -> tuple[dict[str, An
     """Return errors at the end of a kilometre over several runs, and the first run to draw."""
     legs = [tied_leg(record) for record in records]
     steps = feature_steps(150, 77)
-    done = [kilometre(legs, seed, steps) for seed in range(runs)]
+    draw = modelled_draw(steps)
+    done = [kilometre(legs, seed, draw) for seed in range(runs)]
     shares = {
         name: [100 * run.error_share(getattr(run, name)) for run in done]
         for name in ("wheels", "odometry", "adjusted")
     }
-    twice = [kilometre(legs, seed, steps, sightings=2) for seed in range(runs)]
+    twice = [kilometre(legs, seed, draw, sightings=2) for seed in range(runs)]
     shares["adjusted_twice"] = [100 * run.error_share(run.adjusted) for run in twice]
     return {
         "runs": runs,
@@ -205,6 +224,46 @@ def kilometre_figures(records: list[LegRecord], runs: int) -> tuple[dict[str, An
     }, done[0]
 
 
+def drive_figures(chosen: argparse.Namespace) -> dict[str, Any]:
+    """Return what rendered drives tell, by the section of the page.
+
+    Drives of 20 m over grounds of their own, each third one by the own renderer, the others with the grain of
+    real frames; two of `--long` metres over one more ground by the own renderer, under different suns.
+    """
+    count = chosen.worlds + 1
+    seeds = tuning(count) if chosen.tuning else reporting(count, chosen.seed)
+    print(f"{seeds.purpose} seeds {seeds.values}", flush=True)
+    folder = chosen.cache / "drives"
+    *short, last = seeds.values
+    drives = [
+        Drive(seed, 1, "draped" if k % 3 else "own", SHORT_M, seeds.purpose) for k, seed in enumerate(short)
+    ]
+    flights = [flown(drive, chosen.imagery, folder) for drive in drives]
+    pair = [Drive(last, run, "own", chosen.long, seeds.purpose) for run in (1, 2)]
+    runs = [flown(drive, chosen.imagery, folder, chosen.parts) for drive in pair]
+    ground = ground_of(last, chosen.long)
+    starts = [stops_of(ground, drive)[0].pose.site_from_rover for drive in pair]
+    by_domain: dict[str, list[Flown]] = {"own": [], "draped": [], "all": []}
+    for flight in [*flights, *runs]:
+        by_domain[flight.drive.domain].append(flight)
+        by_domain["all"].append(flight)
+    legs = []
+    for seed in range(last + 1, last + 1 + chosen.kilometre_legs):
+        length = float(np.random.default_rng([seed, 0x1E7]).uniform(20, 30))
+        legs.append(tied_leg(leg_record(seed, length, models=False, cache=chosen.cache)))
+    told = {name: [s for flight in some for s in flight.steps] for name, some in by_domain.items()}
+    if not chosen.tuning:
+        draw_steps(told["all"], ROOT / "docs" / "img" / "localization_steps.png")
+    return {
+        "rendered_steps": {
+            "seeds": [short[0], last],
+            "domains": {name: steps_told(steps) for name, steps in told.items() if steps},
+        },
+        "rendered_kilometre": flown_kilometre([*flights, *runs], legs, chosen.runs),
+        "long_runs": long_figures(runs, starts),
+    }
+
+
 def main() -> None:
     """Run the studies, write the results and the docs."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -216,8 +275,15 @@ def main() -> None:
     parser.add_argument("--modelled", type=int, default=40, help="legs whose rocks are fitted as solids")
     parser.add_argument("--turned", type=int, default=16, help="legs for the published scheme with headings")
     parser.add_argument("--cache", type=Path, default=ROOT / "var" / "localization")
-    parser.add_argument("--only", choices=["matching", "kilometre", "rest"], action="append")
+    parser.add_argument("--only", choices=["matching", "kilometre", "rest", "drives"], action="append")
+    parser.add_argument("--worlds", type=int, default=5, help="rendered drives of 20 m")
+    parser.add_argument("--long", type=float, default=200.0, help="way of the two long drives, m")
+    parser.add_argument("--parts", type=int, help="only the first parts of 8 m of each long drive")
+    parser.add_argument("--seed", type=int, help="first seed of rendered drives; drawn without")
+    parser.add_argument("--tuning", action="store_true", help="rendered drives of tuning seeds, not reported")
+    parser.add_argument("--imagery", type=Path, default=ROOT.parent / "shared" / "data" / "imagery")
     chosen = parser.parse_args()
+    # rendered drives take half an hour: only when asked for
     wanted = chosen.only or ["matching", "kilometre", "rest"]
     target = ROOT / "studies" / "results" / "localization.json"
     results: dict[str, Any] = json.loads(target.read_text()) if target.exists() else {}
@@ -256,6 +322,12 @@ def main() -> None:
         results["table_one"] = table_one()
         results["slip"] = step_figures(feature_steps(40, 9, slip=0.3))
         results["no_slip"] = step_figures(feature_steps(100, 10))
+    if "drives" in wanted:
+        told = drive_figures(chosen)
+        if chosen.tuning:
+            print(json.dumps(told, indent=1))
+            return
+        results |= told
     target.parent.mkdir(exist_ok=True)
     target.write_text(json.dumps(results, indent=1) + "\n")
     write_report(results, ROOT / "docs")
@@ -457,6 +529,11 @@ def _steps(label: str) -> Any:
     return made
 
 
+def _rendered_steps(f: dict[str, Any]) -> str:
+    first, last = f["seeds"]
+    return f"Seeds {first} to {last}, drawn when the command ran.\n\n{steps_table(f['domains'])}"
+
+
 REPORTS = {
     "matching": _matching,
     "rendered": _rendered,
@@ -467,6 +544,9 @@ REPORTS = {
     "speed": _speed,
     "slip": _steps("Wheels that slip by 30 %"),
     "no_slip": _steps("Wheels off by 5 %, no slip"),
+    "rendered_steps": _rendered_steps,
+    "rendered_kilometre": kilometre_table,
+    "long_runs": long_table,
 }
 
 

@@ -67,6 +67,27 @@ class Motion:
         return moved, np.asarray(self.new_from_old.covariance(covariance) + grown)
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class Sheen:
+    """Brightness that depends on the direction of view: all features move alike, and no residual tells.
+
+    Soil is not Lambertian (Lunar-Lambert law, McEwen 1996): where it is rough, what is bright lies elsewhere
+    for another direction of view. Over a step of 0.75 m that moves the features of a frame by some 0.05 px
+    along the change of view, as a motion of the rover would.
+
+    Attributes
+    ----------
+    old_eye
+        (3,), m, where the old points were seen from, frame of the old points.
+    per_rad
+        Deviation of that shift, pixels for each radian that the view has changed, as a multiple of the
+        residual (root mean square, pixels): what moves with the view moves each feature for itself, too.
+    """
+
+    old_eye: Array
+    per_rad: float
+
+
 def horn(p: Array, q: Array) -> Transform | None:
     """Return the rigid motion that brings points p (n, 3), m, nearest to q (n, 3), or None for degenerate
     ones.
@@ -101,6 +122,7 @@ def find_motion(
     limit_m: float,
     least: int,
     rng: np.random.Generator,
+    sheen: Sheen | None = None,
 ) -> Motion | None:
     """Return the motion that most matches agree on in both images, or None when fewer than four do.
 
@@ -143,6 +165,7 @@ def find_motion(
         best,
         inlier_px=inlier_px,
         sigma_px=sigma_px,
+        sheen=sheen,
     )
     if settled is None:
         return None
@@ -161,6 +184,7 @@ def settle(
     *,
     inlier_px: float,
     sigma_px: float,
+    sheen: Sheen | None = None,
 ) -> tuple[Motion, Mask] | None:
     """Return the motion refitted until its consensus is stable, and that consensus; None below four, or
     where those that agree do not tell a motion, as points on a line or in one place do not.
@@ -191,6 +215,9 @@ def settle(
     covariance = _spread(fit, p[best], unit[best], seen[best], cameras, inverse, sigma_px)
     if covariance is None:
         return None
+    if sheen is not None:
+        moved = _shift_by_view(fit, p[best], unit[best], seen[best], cameras, inverse, sheen.old_eye)
+        covariance = covariance + (sheen.per_rad**2 * variance) * np.outer(moved, moved)
     count_in = int(best.sum())
     pixels = seen[best, :2]
     residual = math.sqrt(variance)
@@ -229,17 +256,10 @@ def _spread(
     """
     from rover_iface.cameras.stereo_kernels import few_parts
 
-    moved = np.asarray(fit.apply(p), dtype=np.float64)
-    r, slope = seen - _project(cameras, moved), _jacobian(cameras, moved)
-    good = np.isfinite(r).all(axis=1) & np.isfinite(slope).all(axis=(1, 2))
-    if not good.all():
+    r, _, j, w = _linear(fit, p, unit, seen, cameras)
+    if not (np.isfinite(r).all() and np.isfinite(j).all()):
         return None
     pixels = seen[:, :2]
-    turn = -np.stack([cross(v) for v in moved - moved.mean(axis=0)])
-    j = np.concatenate((slope @ turn, slope), axis=2)
-    w = _weights(np.asarray(fit.rotation, np.float64), unit, slope)
-    distance = np.sqrt(np.einsum("na,nab,nb->n", r, w, r) / seen.shape[1])
-    w = w / np.maximum(1.0, distance / 0.5)[:, None, None]
     scores = (np.swapaxes(j, 1, 2) @ (w @ r[..., None]))[..., 0]
     low, high = pixels.min(axis=0), pixels.max(axis=0)
     cell = np.minimum((CELLS * (pixels - low) / np.maximum(high - low, 1e-9)).astype(np.int64), CELLS - 1)
@@ -250,6 +270,36 @@ def _spread(
     lost = 6.0 / r.size * sigma_px**2
     single = few_parts(np.ones(len(r))) * (inverse @ (scores.T @ scores) @ inverse + lost * inverse)
     return _wider(single, few_parts(counts) * inverse @ (parts.T @ parts) @ inverse)
+
+
+def _linear(
+    fit: Transform, p: Array, unit: Array, seen: Array, cameras: Cameras
+) -> tuple[Array, Array, Array, Array]:
+    """Return residuals (n, 2 k), px, their slope over the moved points (n, 2 k, 3) and over the motion
+    (n, 2 k, 6), about the middle, and the weights (n, 2 k, 2 k) that the fit gives them.
+    """
+    moved = np.asarray(fit.apply(p), dtype=np.float64)
+    r, slope = seen - _project(cameras, moved), _jacobian(cameras, moved)
+    turn = -np.stack([cross(v) for v in moved - moved.mean(axis=0)])
+    j = np.concatenate((slope @ turn, slope), axis=2)
+    w = _weights(np.asarray(fit.rotation, np.float64), unit, slope)
+    distance = np.sqrt(np.einsum("na,nab,nb->n", r, w, r) / seen.shape[1])
+    return r, slope, j, w / np.maximum(1.0, distance / 0.5)[:, None, None]
+
+
+def _shift_by_view(
+    fit: Transform, p: Array, unit: Array, seen: Array, cameras: Cameras, inverse: Array, old_eye: Array
+) -> Array:
+    """Return the motion (6,), turn, rad, before shift, m, that features seem to make which move by one pixel
+    for each radian that they are seen from elsewhere, all along that change.
+    """
+    _, slope, j, w = _linear(fit, p, unit, seen, cameras)
+    moved = np.asarray(fit.apply(p), dtype=np.float64)
+    before, now = np.asarray(fit.apply(old_eye)) - moved, cameras[0].C - moved
+    away = np.linalg.norm(now, axis=1, keepdims=True)
+    change = now / away - before / np.linalg.norm(before, axis=1, keepdims=True)
+    shift = np.einsum("nab,nb->na", slope, change * away) / cameras[0].hs
+    return np.asarray(inverse @ np.einsum("nai,nab,nb->i", j, w, shift))
 
 
 def _wider(one: Array, other: Array) -> Array:

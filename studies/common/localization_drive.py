@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -40,6 +40,8 @@ PIVOT = (0.3, 0.0, 1.35)
 SUN_SIGMA = math.radians(1.0)
 TILT_SIGMA = math.radians(0.3)
 VO_SCALE = 0.005
+KNOWN_RAD, UNKNOWN_RAD = 1e-4, 10.0
+"""Deviations of a heading that defines the frame, 2 cm over 200 m, and of one that nobody measured."""
 
 
 # ---- steps on features
@@ -52,18 +54,26 @@ def navcams() -> tuple[CameraModel, CameraModel]:
 
 
 def feature_steps(
-    count: int, seed: int, *, sigma_px: float = 0.3, wrong: float = 0.15, slip: float = 0.0
+    count: int,
+    seed: int,
+    *,
+    sigma_px: float = 0.3,
+    wrong: float = 0.15,
+    slip: float = 0.0,
+    sheen: float = 0.0,
+    options: OdometryOptions | None = None,
 ) -> list[tuple[Transform, Step]]:
     """Return true motions and steps found from modelled features of random ground, `count` of them.
 
     150 points round the rover are seen from both stops of a step of 0.75 m, each pixel off by `sigma_px`, a
     share `wrong` of the matches false; the wheels are off by 5 % and turn by half a degree, and with `slip`
-    they claim 1 / (1 - slip) of the way.
+    they claim 1 / (1 - slip) of the way. With `sheen` all features of a stop are shifted along the change of
+    view, by as many pixels a radian (deviation, one draw a step).
     """
     rng = np.random.default_rng([seed, 0x0D0])
     left, right = navcams()
     blank = np.zeros((left.height, left.width), np.float32)
-    options = OdometryOptions()
+    options = options or OdometryOptions()
     found = []
     for k in range(count):
         turn = rng.normal(0.0, math.radians(3.0))
@@ -94,6 +104,10 @@ def feature_steps(
             p[chosen] + rng.normal(0, sigma_px, (len(chosen), 2))
             for p in (old_left, old_right, new_left, new_right)
         ]
+        if sheen:
+            strength = rng.normal(0, sheen)
+            for pixels, camera in ((noisy[2], left), (noisy[3], right)):
+                pixels += strength * seen_aside(camera, later[chosen], true)
         believed = left.transformed(wheels), right.transformed(wheels)
         old = Features(*triangulate(left, right, noisy[0], noisy[1], sigma_px=1.0), noisy[0], noisy[1], names)
         new = Features(
@@ -102,6 +116,54 @@ def feature_steps(
         view = StereoView(blank, blank, *believed)
         found.append((true, step_from_features(old, new, view, wheels, options, seed=k)))
     return found
+
+
+def seen_aside(camera: CameraModel, points: Array, true: Transform) -> Array:
+    """Return by how much the view of points [n, 3], m, rover frame after a step, has changed: radians on the
+    axes of the picture [n, 2].
+    """
+    before, now = true.inverse().apply(camera.C) - points, camera.C - points
+    away = np.linalg.norm(now, axis=1, keepdims=True)
+    change = now / away - before / np.linalg.norm(before, axis=1, keepdims=True)
+    return np.asarray(np.einsum("nab,nb->na", camera.jacobian(points), change * away) / camera.hs)
+
+
+Draw = Callable[[int, np.random.Generator], tuple[Array, Array]]
+"""Draws so many consecutive steps: errors [n, 6] and covariances told [n, 6, 6] of small motions."""
+
+
+def modelled_draw(steps: Sequence[tuple[Transform, Step]]) -> Draw:
+    """Return a draw of the errors of feature steps, each for itself, with their mean covariance.
+
+    With either sign: the mean of a hundred steps is chance, and over a thousand steps would be a bias.
+    """
+    errors = np.array([small_motion(true, step.old_from_new) for true, step in steps])
+    both = np.concatenate((errors, -errors))
+    claimed = np.mean([step.covariance for _, step in steps], axis=0)
+
+    def draw(count: int, rng: np.random.Generator) -> tuple[Array, Array]:
+        return both[rng.integers(len(both), size=count)], np.repeat(claimed[None], count, axis=0)
+
+    return draw
+
+
+def flown_draw(drives: Sequence[Sequence[tuple[Transform, Step]]]) -> Draw:
+    """Return a draw of the errors of rendered drives as they are, each with the covariance of its own step.
+
+    What is drawn is a row of consecutive steps of one drive, from any step of any drive on and round its end:
+    errors that steps share, a scale above all, stay together over a leg. Neither their sign nor their mean is
+    changed, so a bias common to all drives adds up over the kilometre, and so does the chance in their mean.
+    """
+    errors = [np.array([small_motion(true, step.old_from_new) for true, step in drive]) for drive in drives]
+    told = [np.array([step.covariance for _, step in drive]) for drive in drives]
+    shares = np.array([len(drive) for drive in drives], dtype=float)
+
+    def draw(count: int, rng: np.random.Generator) -> tuple[Array, Array]:
+        one = int(rng.choice(len(drives), p=shares / shares.sum()))
+        row = (int(rng.integers(len(errors[one]))) + np.arange(count)) % len(errors[one])
+        return errors[one][row], told[one][row]
+
+    return draw
 
 
 def step_figures(steps: Sequence[tuple[Transform, Step]]) -> dict[str, float]:
@@ -178,7 +240,7 @@ class Kilometre:
 def kilometre(
     legs: Sequence[TiedLeg],
     seed: int,
-    steps: Sequence[tuple[Transform, Step]],
+    draw: Draw,
     *,
     length_m: float = 1000.0,
     sightings: int = 1,
@@ -186,15 +248,13 @@ def kilometre(
     """Return a traverse over legs in random order, with odometry drawn anew.
 
     The wheels are off by 5 % of the way, half of the variance the same on the whole run; the pictures by what
-    the feature steps were off (drawn from them), and 0.5 % of scale; roll and pitch are measured to 0.3 and
-    the heading at each site to 1 degree by each of so many sightings of the sun.
+    steps were off (`draw`), and 0.5 % of scale, which a calibration is off and no step shows; roll and pitch
+    are measured to 0.3 and the heading at each site to 1 degree by each of so many sightings of the sun. With
+    no sighting the site frame is that of the first pose: its heading is known, no other is measured.
     """
-    sun_sigma = SUN_SIGMA / math.sqrt(sightings)
+    sun_sigma = SUN_SIGMA / math.sqrt(sightings) if sightings else KNOWN_RAD
+    measured = (TILT_SIGMA, TILT_SIGMA, sun_sigma if sightings else UNKNOWN_RAD)
     rng = np.random.default_rng([seed, 0x1000])
-    errors = np.array([small_motion(true, step.old_from_new) for true, step in steps])
-    # with either sign: the mean of a hundred steps is chance, and over a thousand steps would be a bias
-    errors = np.concatenate((errors, -errors))
-    claimed = np.mean([step.covariance for _, step in steps], axis=0)
     bias, scale = rng.normal(0, WHEEL_SHARE / math.sqrt(2)), rng.normal(0, VO_SCALE)
     order, course = [int(k) for k in rng.permutation(len(legs))], 0.0
     true = [Transform(rotation_rpy(*rng.normal(0, TILT_SIGMA, 2), rng.normal(0, sun_sigma)), np.zeros(3))]
@@ -219,8 +279,9 @@ def kilometre(
         # pictures: the errors of as many steps as the leg has
         motion = back * true[-1]
         count = max(1, round(level / STEP_M))
-        walked = _walked(motion, errors[rng.integers(len(errors), size=count)], 1.0 + scale)
-        spread = chained([(_part(motion, count), claimed)] * count)[1]
+        errors, told = draw(count, rng)
+        walked = _walked(motion, errors, 1.0 + scale)
+        spread = chained([(_part(motion, count), one) for one in told])[1]
         along = motion.inverse().rotate(motion.translation)
         # the scale is one for the whole run: on n legs its variance counts n times, or it would average out
         spread[3:, 3:] += (length_m / level) * VO_SCALE**2 * np.outer(along, along)
@@ -230,7 +291,7 @@ def kilometre(
         before.append(total.rotation @ covariance[3:, 3:] @ total.rotation.T)
         adjustment.add_pose(site, odometry[-1])
         adjustment.add_motion(site - 1, site, walked, spread)
-        adjustment.add_attitude(site, Transform.identity(), (TILT_SIGMA, TILT_SIGMA, sun_sigma))
+        adjustment.add_attitude(site, Transform.identity(), measured)
         refused += not leg.accepted
         for number, (one, two) in enumerate(zip(leg.first, leg.second, strict=True)):
             name = (site, number)
