@@ -14,6 +14,7 @@ from mission.instrument import Instrument
 from rover_iface.behaviour.action import Action, Doing, Outcome, Step, number
 from rover_iface.behaviour.attempt import Attempt, overlay
 from rover_iface.behaviour.base_moves import MOVES, BaseMoves
+from rover_iface.behaviour.close_look import narrow_cloud, registered
 from rover_iface.behaviour.driving import Driving
 from rover_iface.behaviour.following import Followed, TargetFollower
 from rover_iface.behaviour.hardware import Contact, Hardware
@@ -29,6 +30,8 @@ from rover_iface.placement.arm import Arm, ArmRefusal
 from rover_iface.placement.arm_motion import Motion, Obstacles, plan_motion
 from rover_iface.placement.base_adjustment import base_move
 from rover_iface.placement.base_placement import REACH_SHARE
+from rover_iface.placement.cloud import SurfaceCloud
+from rover_iface.placement.cloud_alignment import Alignment
 from rover_iface.placement.safety import plan_placement
 from rover_iface.placement.safety_limits import SafetyLimits
 from rover_iface.placement.segmentation import SegmentationOptions, segment
@@ -167,6 +170,12 @@ class ArmPlacing(Placing):
         def way(point: Array, normal: Array) -> Motion | ArmRefusal:
             return plan_motion(self.arm, obstacles, point, normal)
 
+        looks: list[SurfaceCloud | None] = []
+
+        def narrow(point: Array) -> SurfaceCloud | None:
+            looks.append(self._narrow(point, cloud, laid))
+            return looks[-1]
+
         found = segment(cloud, SegmentationOptions())
         verdict = plan_placement(
             cloud,
@@ -176,14 +185,30 @@ class ArmPlacing(Placing):
             segmentation=found,
             arm=way,
             second=None if laid is None else laid.cloud,
+            narrow=narrow,
         )
         motion = verdict.posture if isinstance(verdict.posture, Motion) else None
         touch = None
         if verdict.accepted and motion is not None:
             touch = yield from self.hardware.move_arm(followed.target.id, motion)
-        attempt = Attempt(handed, verdict, cloud, found, laid, motion, touch)
+        attempt = Attempt(handed, verdict, cloud, found, laid, motion, touch, tuple(looks))
         self.attempts[followed.target.id] = attempt
         return attempt
+
+    def _narrow(self, point: Array, cloud: SurfaceCloud, laid: Alignment | None) -> SurfaceCloud | None:
+        """Return what the narrow pair ranges round a point (3,), rover frame, registered to the mast's cloud
+        as it was `laid` on the hazcams' `cloud`, to that itself where there is none; None where the pair sees
+        nothing to be trusted.
+        """
+        motion = None if laid is None else laid.motion
+        # the mast stands where it stood for the wide pair: it is pointed to where that had the place
+        at = point if motion is None else np.asarray(motion.inverse().apply(point), dtype=np.float64)
+        try:
+            view = self.cameras.narrow_pair(at)
+        except (CameraError, RenderError):
+            return None
+        narrow = narrow_cloud(view, at, cloud.up)
+        return None if narrow is None else registered(narrow, motion, cloud if laid is None else laid.cloud)
 
     # ---- products
 
@@ -212,6 +237,7 @@ class ArmPlacing(Placing):
             "verdict": attempt.verdict.as_dict(),
             "text": attempt.verdict.text,
             "mast": None if attempt.laid is None else attempt.laid.as_dict(),
+            "narrow_looks": [None if look is None else len(look) for look in attempt.looks],
             "joints_rad": None if attempt.motion is None else attempt.motion.contact.tolist(),
             "contact": None if attempt.touch is None else attempt.touch.made,
             "beyond_m": None if attempt.touch is None else _finite(attempt.touch.beyond_m),

@@ -23,7 +23,8 @@ from rover_iface.placement.verdict import PlacementVerdict
 class Attempt:
     """One placement as it was decided and carried out; rover frame where not said otherwise.
 
-    `laid` is the mast's cloud as it was registered to the hazcams' `cloud`, None where that failed.
+    `laid` is the mast's cloud as it was registered to the hazcams' `cloud`, None where that failed; `looks`
+    what the narrow pair ranged of the places that it was pointed to, registered too, None where that failed.
     """
 
     handed: HandedOff
@@ -33,6 +34,7 @@ class Attempt:
     laid: Alignment | None
     motion: Motion | None
     touch: Contact | None
+    looks: tuple[SurfaceCloud | None, ...] = ()
 
 
 def overlay(

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rover_iface.behaviour.close_look import NARROW, SCALE, aim
 from rover_iface.behaviour.hardware import Hardware, Look, Picture, Window
 from rover_iface.cameras.model import Array, CameraModel
 from rover_iface.cameras.panorama import Panorama, StereoWedge, wedge_pans
@@ -97,6 +98,23 @@ class MastCameras:
             models.append(model.window(*windows[-1]))
         left, right = self.hardware.look(Look(names, tuple(windows), pan, tilt, track=track))
         return Sighting(self._view(left, right, *models), left)
+
+    def narrow_pair(self, at: Array) -> StereoView:
+        """Point the mast so that both narrow cameras hold a point (3,), m, rover frame, and take a binned
+        stereo pair round it; the cameras of the view are in the rover frame, as read.
+
+        Raises
+        ------
+        CameraError, RenderError
+            If the mast cannot point there, the rover has no such pair, or a frame does not hold the point.
+        """
+        pan, tilt, windows = aim(self.rig, at)
+        models = [
+            self.rig.camera(name, pan, tilt).scaled(SCALE).window(*window)
+            for name, window in zip(NARROW, windows, strict=True)
+        ]
+        left, right = self.hardware.look(Look(NARROW, windows, pan, tilt, SCALE))
+        return self._view(left, right, *models)
 
     def pair(
         self, pan_rad: float, tilt_rad: float, *, scale: float = 1.0, camera: str = "navcam"

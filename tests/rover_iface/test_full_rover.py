@@ -100,6 +100,25 @@ def test_the_masts_cloud_is_laid_on_the_hazcams(story: Story) -> None:
     assert laid.overlap > 0.7
 
 
+def test_the_narrow_pair_has_looked_at_the_place_before_the_tool_touches(story: Story) -> None:
+    attempt = story.own.placing.attempts["T1"]
+    assert attempt.looks
+    seen = attempt.looks[0]
+    assert seen is not None
+    # what it ranged lies on the true ground round the place that was touched
+    assert attempt.verdict.point is not None
+    near = seen.points[np.linalg.norm(seen.points - attempt.verdict.point, axis=1) < 0.03]
+    assert len(near) > 200
+    site = story.rover.body.true_from_believed.apply(story.rover.body.believed.site_from_rover.apply(near))
+    down = np.broadcast_to((0.0, 0.0, -1.0), site.shape)
+    above = site + np.array([0.0, 0.0, 0.2])
+    off = 0.2 - story.rover.body.renderer.scene.ranges(above, down)
+    assert np.median(np.abs(off)) < 0.008
+    product = next(p for p in story.products if p.kind == "verdict")
+    document = json.loads((story.out / product.path).read_text(encoding="utf-8"))
+    assert document["narrow_looks"][0] == len(seen)
+
+
 def test_the_track_is_settled_by_shape_on_arrival(story: Story) -> None:
     history = [r for r in story.rover.truth.history if r.target == "T1"]
     assert len(history) >= 3
