@@ -4,6 +4,7 @@
 
     python -m studies.localization --cache var/localization          # about 15 CPU minutes the first time
     python -m studies.localization --trials 20 --kilometre-legs 40 --rendered 0   # a short look
+    python -m studies.localization --only rendered --rendered 8 # legs from rendered panoramas, fresh terrains
     python -m studies.localization --only drives                # rendered steps and their kilometre
     python -m studies.localization --only drives --seed 734112  # the same seeds again; goes on after a stop
     python -m studies.localization --only drives --tuning       # seeds that may set constants; writes nothing
@@ -78,6 +79,9 @@ def judged(record: LegRecord, *, with_turns: bool = False) -> tuple[LegResult, d
         "faults": [refusal.fault.value for refusal in result.refusals],
         "pairs": len(pairs),
         "right": right(pairs),
+        "right_windowed": sum(bool(first.windowed[i] & second.windowed[j]) for i, j in pairs)
+        if record.rendered
+        else None,
         "published": [len(published), right(published)],
         "published_turned": None if turned is None else [len(turned), right(turned)],
     }
@@ -164,6 +168,27 @@ def matching_figures(entries: list[dict[str, Any]]) -> dict[str, Any]:
             faults[fault] = faults.get(fault, 0) + 1
     figures["faults"] = faults
     return figures
+
+
+def rendered_figures(seeds: list[int], cache: Path) -> dict[str, Any]:
+    """Return what comes of legs from rendered panoramas, and of the same legs from modelled stereo."""
+    entries: list[dict[str, Any]] = []
+    modelled: list[dict[str, Any]] = []
+    for seed in seeds:
+        for rendered, found in ((True, entries), (False, modelled)):
+            record = leg_record(seed, 26.0, rendered=rendered, models=False, cache=cache)
+            found.append(judged(record)[1])
+        one = entries[-1]
+        print(
+            f"rendered leg {seed}: {one['right']} and {one['right_windowed']} of {one['pairs']}", flush=True
+        )
+    accepted = [e for e in entries if e["accepted"]]
+    pairs = max(1, sum(e["pairs"] for e in accepted))
+    return matching_figures(entries) | {
+        "precision_windowed": sum(e["right_windowed"] for e in accepted) / pairs,
+        "seeds": [seeds[0], seeds[-1]],
+        "same_modelled": matching_figures(modelled),
+    }
 
 
 def model_figures(records: list[LegRecord]) -> dict[str, Any]:
@@ -275,7 +300,9 @@ def main() -> None:
     parser.add_argument("--modelled", type=int, default=40, help="legs whose rocks are fitted as solids")
     parser.add_argument("--turned", type=int, default=16, help="legs for the published scheme with headings")
     parser.add_argument("--cache", type=Path, default=ROOT / "var" / "localization")
-    parser.add_argument("--only", choices=["matching", "kilometre", "rest", "drives"], action="append")
+    parser.add_argument(
+        "--only", choices=["matching", "kilometre", "rest", "drives", "rendered"], action="append"
+    )
     parser.add_argument("--worlds", type=int, default=5, help="rendered drives of 20 m")
     parser.add_argument("--long", type=float, default=200.0, help="way of the two long drives, m")
     parser.add_argument("--parts", type=int, help="only the first parts of 8 m of each long drive")
@@ -300,13 +327,8 @@ def main() -> None:
         results["matching"] = matching_figures(entries)
         results["matching"]["seeds"] = [seeds[0], seeds[-1]]
         results["models"] = model_figures(records)
-        rendered = [
-            judged(leg_record(seed, 26.0, rendered=True, cache=chosen.cache))[1]
-            for seed in seeds[: chosen.rendered]
-        ]
-        if rendered:
-            results["rendered"] = matching_figures(rendered)
-            results["rendered"]["same_modelled"] = matching_figures(entries[: chosen.rendered])
+        if chosen.rendered:
+            results["rendered"] = rendered_figures(list(seeds[: chosen.rendered]), chosen.cache)
         draw_trials(entries, images / "localization_trials.png")
     if "kilometre" in wanted:
         lengths = {
@@ -322,6 +344,10 @@ def main() -> None:
         results["table_one"] = table_one()
         results["slip"] = step_figures(feature_steps(40, 9, slip=0.3))
         results["no_slip"] = step_figures(feature_steps(100, 10))
+    if "rendered" in wanted:
+        fresh = reporting(chosen.rendered, chosen.seed)
+        print(f"{fresh.purpose} terrains {fresh.values}", flush=True)
+        results["rendered"] = rendered_figures(list(fresh.values), chosen.cache)
     if "drives" in wanted:
         told = drive_figures(chosen)
         if chosen.tuning:
@@ -422,11 +448,16 @@ def _rendered(f: dict[str, Any]) -> str:
             str(e["accepted"]),
             str(e["pairs"]),
             f"{e['precision']:.3f}",
+            f"{e['precision_windowed']:.3f}" if "precision_windowed" in e else "",
             f"{e['error_m']:.2f} m",
+            f"{e['nees']:.1f}",
+            str(e["wrong_poses"]),
         ]
         for label, e in (("rendered panoramas", f), ("the same legs, modelled stereo", m))
     ]
-    return _table(["points from", "legs", "accepted", "pairs", "precision", "median error"], rows)
+    head = ["points from", "legs", "accepted", "pairs", "precision", "with stereo's window", "median error"]
+    seeds = f"Terrains {f['seeds'][0]} to {f['seeds'][1]}." if "seeds" in f else ""
+    return _table([*head, "mean NEES (4)", "wrong poses"], rows) + f"\n\n{seeds}"
 
 
 def _models(f: dict[str, Any]) -> str:

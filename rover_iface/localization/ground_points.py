@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,14 @@ Array = npt.NDArray[np.float64]
 FEWEST = 200
 CELL_RAD = 0.00255
 """Side of a cell of the direction raster: 3 pixels of a MER navcam, the finer of the published grids."""
+
+WINDOW, PASSES, MOST_PX = (5, 3), 4, 0.8
+"""Half width and height, px, of the window by which disparities are refined, how often, by how much at most.
+
+Semi-global matching (OpenCV) takes sub-pixel disparities towards whole ones, by up to 0.25 px, and on
+rendered pairs to 0.07 px too little on the whole: rocks 20 m away came out 0.27 m too far. The window is wide
+rather than high, as ground changes its disparity from row to row.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,6 +157,7 @@ def _wedge_points(wedge: StereoWedge, nearest_m: float, step_px: int) -> tuple[A
     """Return points [n, 3] of one pair and its focal length times base, px m."""
     from rover_iface.cameras.linear import aligned_pair, warp
     from rover_iface.cameras.stereo import dense_stereo
+    from rover_iface.localization.disparity_kernels import refine_disparities
     from rover_iface.localization.interest_points import confirmed, match_interest_points
 
     left, right = (image.astype(np.float32) / np.float32(255.0) for image in (wedge.left, wedge.right))
@@ -158,6 +167,13 @@ def _wedge_points(wedge: StereoWedge, nearest_m: float, step_px: int) -> tuple[A
     one, two = aligned_pair(wedge.left_camera, wedge.right_camera)
     aligned = warp(left, wedge.left_camera, one), warp(right, wedge.right_camera, two)
     factor = one.hs * cloud.baseline_m
+    # the cloud's own picture is wider to the left by the largest disparity
+    pixels = np.asarray(one.project(cloud.points), dtype=np.float64)
+    disparities = np.empty(len(pixels))
+    refine_disparities(*aligned, pixels, cloud.disparities, WINDOW, PASSES, MOST_PX, disparities)
+    rays = one.back_project(pixels)[1]
+    points = one.C + rays * (factor / disparities / (rays @ one.A))[:, None]
+    cloud = replace(cloud, points=points, pixels=pixels, disparities=disparities, camera=one)
     keep = confirmed(cloud, *match_interest_points(*aligned, most_px=factor / nearest_m))
     return cloud.points[keep], float(factor)
 

@@ -154,11 +154,15 @@ class Seen:
         For each rock the ids of the bodies that fill at least a fifth of it; empty: ground.
     visible
         Ids of the rocks that could be found: `SEEN_CELLS` cells or more, `SEEN_HEIGHT_M` high, within reach.
+    windowed
+        As `bodies`, of the cells next to a body too: what stereo matches is a window, and that moves a patch
+        of a few cells. Only of rendered ends.
     """
 
     rocks: list[SeenRock]
     bodies: list[frozenset[str]]
     visible: frozenset[str]
+    windowed: tuple[frozenset[str], ...] = ()
 
 
 def see(leg: Leg, end: int, seed: int, *, models: bool = True, farthest_m: float = 24.0) -> Seen:
@@ -171,17 +175,27 @@ def see(leg: Leg, end: int, seed: int, *, models: bool = True, farthest_m: float
     return Seen(rocks, bodies, visible_rocks(leg, sight, farthest_m))
 
 
-def bodies_of(leg: Leg, eye: Array, local: GroundPoints, rocks: list[SeenRock]) -> list[frozenset[str]]:
-    """Return the bodies that fill at least a fifth of each rock, all seen from `eye` (3,)."""
+def bodies_of(
+    leg: Leg, eye: Array, local: GroundPoints, rocks: list[SeenRock], *, reach: int = 0
+) -> list[frozenset[str]]:
+    """Return the bodies that fill at least a fifth of each rock, all seen from `eye` (3,).
+
+    A cell is filled by what its ray hits, and those of the cells up to `reach` beside it.
+    """
     raster = direction_raster(local, farthest_m=ExtractionOptions().farthest_m + 6.0)
     rays = raster.directions().reshape(-1, 3)
     hit = leg.scene.cast(np.broadcast_to(eye, rays.shape), rays)
     count = len(leg.scene.objects)
     on = leg.scene.objects[np.clip(hit["primID"].astype(np.int64), 0, count - 1)]
+    rows, columns = raster.inverse.shape
+    beside = np.arange(-reach, reach + 1)
     found = []
     for rock in rocks:
-        values, cells = np.unique(on[rock.cells], return_counts=True)
-        large = values[cells >= 0.2 * len(rock.cells)]
+        row, column = np.divmod(rock.cells, columns)
+        row = np.clip(row[:, None, None] + beside[:, None], 0, rows - 1)
+        column = np.clip(column[:, None, None] + beside, 0, columns - 1)
+        near = on[row * columns + column].reshape(len(rock.cells), -1)
+        large = [k for k in np.unique(near) if (near == k).any(axis=1).mean() >= 0.2]
         found.append(frozenset(leg.scene.ids[k] for k in large if leg.scene.ids[k]))
     return found
 
@@ -278,7 +292,8 @@ def _rendered_ends(leg: Leg, seed: int, *, models: bool) -> tuple[tuple[Seen, Se
         local = GroundPoints(seen.points - seen.eye, np.zeros(3), seen.range_factor)
         rocks = extract_rocks(local, models=models)
         visible = visible_rocks(leg, look(leg, end), 24.0)
-        ends.append(Seen(rocks, bodies_of(leg, seen.eye, local, rocks), visible))
+        bodies, windowed = (bodies_of(leg, seen.eye, local, rocks, reach=reach) for reach in (0, 1))
+        ends.append(Seen(rocks, bodies, visible, tuple(windowed)))
         eyes.append(seen.eye)
     return (ends[0], ends[1]), (eyes[0], eyes[1])
 
