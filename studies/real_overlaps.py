@@ -146,7 +146,8 @@ def carried(points: Array, number: int, first: Photograph, image: Image, camera:
         settled = resect(
             at, unit, np.array(seen).reshape(-1, 2), believed, reach_px=REACH_PX, sigma_px=SIGMA_PX
         )
-        if settled is None:
+        # A wrong pose finds patches enough round the places where it looks: most must agree each time.
+        if settled is None or 2 * settled[0].inliers < len(places):
             return None
         motion, before = settled[0], believed
         believed = believed.transformed(motion.new_from_old.inverse())
