@@ -24,7 +24,7 @@ LOOK_REACH_M = 0.025
 """A look tells of places up to so far from where it was pointed: both frames hold 13 cm there, and the mast
 points to a centimetre."""
 
-MOST_LOOKS = 5
+MOST_LOOKS = 8
 """How often the narrow pair is pointed for one placement."""
 
 
@@ -80,9 +80,10 @@ class NarrowLooks:
         """Return whether a look was pointed near a place (3,), whatever it told."""
         return bool(self._near(point))
 
-    def used_up(self, point: Array) -> bool:
-        """Return whether a place (3,) was not looked at because no look was left."""
-        return self.look is not None and self.left == 0 and not self.told(point)
+    @property
+    def blind(self) -> bool:
+        """Return whether there is no narrow pair, or no look that was had brought anything."""
+        return all(check is None for _, check in self._looks)
 
     def opinion(self, point: Array, *, anew: bool = False) -> Opinion:
         """Return what the looks say of a place (3,), rover frame, m; `anew` asks for one where none tells."""

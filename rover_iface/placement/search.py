@@ -51,6 +51,8 @@ class Search:
         """Points that only a close look would take."""
         self.unsure: list[Judged] = []
         """Points that a narrow look may know better."""
+        self.fair: list[Judged] = []
+        """Points that a narrow look shows to be good, but not calm."""
         self.tried = self.asked = 0
 
     def designated(self) -> PlacementVerdict | None:
@@ -130,31 +132,33 @@ class Search:
         return self.shown_well(judged.point)
 
     def shown_well(self, point: Array) -> PlacementVerdict | None:
-        """Return the verdict for a point (3,) that a narrow look which was had shows to be good with room,
-        else None: the first of many that keep the limits lies at the border of what they allow.
+        """Return the verdict for a point (3,) that a narrow look which was had shows to be calm, else None:
+        the first of many that keep the limits lies at the border of what they allow.
         """
         good = self.looks.opinion(point).judged
         if good is None or good.strain > self.check.limits.most_strain:
+            return None
+        if good.strain > self.check.limits.calm:
+            self.fair.append(good)
             return None
         posture = self.reached(good)
         return None if posture is None else self.taken(good, posture)
 
     def settled(self, judged: Judged, posture: Posture | Motion) -> PlacementVerdict | None:
-        """Return the verdict for a safe point that the arm reaches, after a narrow look at it; None where
-        that shows it to be bad.
+        """Return the verdict for a safe point beside the designated one that the arm reaches, after a narrow
+        look at it; None where that does not show it well.
+
+        Nobody asked for that point, and there are others: what the narrow pair does not know is left.
         """
-        opinion = self.looks.opinion(judged.point, anew=True)
-        if opinion.sight is Sight.BAD:
-            return None
-        if opinion.judged is not None and (finer := self.reached(opinion.judged)) is not None:
-            return self.taken(opinion.judged, finer, designated=judged is self.first)
-        if judged.restless is not None and self.looks.used_up(judged.point):
-            return None
-        return self.taken(judged, posture)
+        self.looks.opinion(judged.point, anew=True)
+        if self.looks.blind:
+            return self.taken(judged, posture)
+        return self.shown_well(judged.point)
 
     def by_looks(self) -> PlacementVerdict | None:
         """Return the verdict for a point that a narrow look alone shows to be good, where nothing is safe by
-        the other clouds: the most promising places are looked at in turn. None if there is none.
+        the other clouds: the most promising places are looked at in turn. Where none is calm it is the good
+        one of least strain; None if there is none.
         """
         hopes = sorted(self.unsure, key=lambda one: (len(one.findings), one.strain))
         for hope in hopes:
@@ -167,6 +171,9 @@ class Search:
             for judged in sorted(around, key=lambda one: float(np.linalg.norm(one.point - self.at))):
                 if (verdict := self.shown_well(judged.point)) is not None:
                     return verdict
+        for good in sorted(self.fair, key=lambda one: one.strain):
+            if (posture := self.reached(good)) is not None:
+                return self.taken(good, posture)
         return None
 
     def judge(self, point: Array) -> Judged:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 import pytest
@@ -204,6 +204,30 @@ def test_a_look_that_brings_nothing_leaves_the_other_clouds_to_judge(k9: RoverPr
     assert with_none.point is not None
     assert without.point is not None
     assert np.array_equal(with_none.point, without.point)
+
+
+def test_a_place_beside_is_left_where_the_narrow_pair_does_not_know_it(k9: RoverProfile) -> None:
+    # of 163 fresh accepts 2 were unsafe where a hazcam alone knew a place beside the designated point
+    spiked = narrow_sheet(on_top(), rise_m=0.03)
+    spiked = spiked.subset(np.linalg.norm(spiked.points - on_top(), axis=1) < 0.045)
+
+    def look(at: Array, *, hole_m: float) -> SurfaceCloud:
+        if np.linalg.norm(at - on_top()) < 0.001:
+            return spiked
+        cloud = narrow_sheet(at)
+        return cloud.subset(np.linalg.norm(cloud.points - at, axis=1) > hole_m)
+
+    assert placed(k9, partial(look, hole_m=0.0)).decision in (Decision.PLACE_NEAR, Decision.MOVE_BASE)
+    assert placed(k9, partial(look, hole_m=0.05)).decision is Decision.REFUSE
+
+
+def test_a_calm_place_is_taken_before_a_nearer_one_that_the_narrow_pair_shows_less_calm(
+    k9: RoverProfile,
+) -> None:
+    spiked = narrow_sheet(on_top(), rise_m=0.03)
+    verdict = placed(k9, lambda at: spiked if np.linalg.norm(at - on_top()) < 0.001 else narrow_sheet(at))
+    assert verdict.measures is not None
+    assert verdict.measures.protrusion_m < SafetyLimits().calm * FusedOptions().most_protrusion_m
 
 
 def test_looks_are_few_and_a_place_that_is_not_calm_is_not_taken_unseen(k9: RoverProfile) -> None:
