@@ -130,8 +130,8 @@ def _search(search: Search, profile: RoverProfile) -> PlacementVerdict:
     The designated point is taken if it is safe with some room. Else the nearest calm point that the arm
     reaches; without one, the nearest where it would tilt the tool; without one, the safe one of least strain.
     Where none is safe, the search is done again in finer steps, and then the one is taken that bears a close
-    look best, or one that only the narrow pair knows. Before any is taken the narrow pair looks at it; of
-    what it sees already, the nearest good point is taken.
+    look best. Where there is a narrow pair it looks at each place before it is taken, and of places beside
+    the designated point only those are taken that it knows.
     """
     meant = search.designated()
     if meant is not None:

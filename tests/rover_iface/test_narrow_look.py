@@ -207,7 +207,7 @@ def test_a_look_that_brings_nothing_leaves_the_other_clouds_to_judge(k9: RoverPr
 
 
 def test_a_place_beside_is_left_where_the_narrow_pair_does_not_know_it(k9: RoverProfile) -> None:
-    # of 163 fresh accepts 2 were unsafe where a hazcam alone knew a place beside the designated point
+    # of 156 fresh accepts 2 were unsafe where a hazcam alone knew a place beside the designated point
     spiked = narrow_sheet(on_top(), rise_m=0.03)
     spiked = spiked.subset(np.linalg.norm(spiked.points - on_top(), axis=1) < 0.045)
 
