@@ -7,9 +7,9 @@ the range apart, with the poses and points of an adjustment that knows nothing o
 half, their pixels are as wide as a navcam's. A target is a point of the adjustment in one photograph; it is
 predicted in another by a pose that is turned by as much as dead reckoning errs, and looked for. Right is
 within 3 pixels of where the adjustment has it (its points are good to one). What is believed has to pass the
-tracker's limits of correlation, of matching back and of surroundings. A photograph by hand has no partner:
-the range and the face are those of the adjustment, surroundings are compared over the face instead of by
-ranges, and the tracker's checks by stereo have no part in this.
+tracker's limits of correlation, of matching back, of surroundings, and of these with its place. A photograph
+by hand has no partner: the range and the face are those of the adjustment, surroundings are compared over the
+face instead of by ranges, and the tracker's checks by stereo have no part in this.
 
 What is not believed goes along with what lies round it, as a target of the tracker that is not found does:
 patches, each on its own face, that agree on a pose. What is believed and lies elsewhere is given up; where
@@ -34,11 +34,11 @@ import numpy.typing as npt
 from rover_iface.cameras.model import CameraModel, ModelKind
 from rover_iface.frames import Transform
 from rover_iface.vision.correlation.gallery import MOST_TURN_RAD
-from rover_iface.vision.correlation.judging import SAME_PX
+from rover_iface.vision.correlation.judging import NEAR_PX, SAME_PX
 from rover_iface.vision.drape import SIGMA_PX, TEMPLATE_PX, DrapeOptions
 from rover_iface.vision.reacquisition import ReacquisitionOptions
 from rover_iface.vision.resection import resect
-from rover_iface.vision.template import NccOptions, Template, TemplateMatcher
+from rover_iface.vision.template import Found, NccOptions, Template, TemplateMatcher
 from studies.common.pages import table, write_section
 
 Array = npt.NDArray[np.float64]
@@ -164,6 +164,16 @@ def carried(points: Array, number: int, first: Photograph, image: Image, camera:
     return np.asarray(believed.project(points[number]))
 
 
+def alone(found: Found, round_it: float, prediction: Array, options: NccOptions) -> bool:
+    """Return whether texture, surroundings and place tell one stone from another, as
+    `MatchJudge.identity` asks, but for the range that one photograph does not tell.
+    """
+    aside = max(-1.0, 1.0 - float(np.hypot(*(found.pixel - prediction))) / (1.5 * NEAR_PX))
+    texture = (found.score - options.score_limit) / (1.0 - options.score_limit)
+    surroundings = (round_it - options.surroundings_limit) / (1.0 - options.surroundings_limit)
+    return (aside + texture + surroundings) / 3.0 >= options.identity_limit
+
+
 def followed(
     points: Array, number: int, first: Photograph, second: Photograph, rng: np.random.Generator
 ) -> Outcome | None:
@@ -193,7 +203,10 @@ def followed(
         at = float(found.pixel[0]), float(found.pixel[1])
         alike = patch.correlation(second.image, round_it, *at, options.surroundings_px // 2)
     believed = found.score >= options.score_limit and back_px <= options.back_check_px
-    believed = believed and alike is not None and alike >= options.surroundings_limit
+    if believed and alike is not None:
+        believed = alike >= options.surroundings_limit and alone(found, alike, prediction, options)
+    else:
+        believed = False
     along = carried(points, number, first, second.image, camera)
     answer = found.pixel if believed and along is None else along
     if along is not None and believed and float(np.hypot(*(found.pixel - along))) > SAME_PX:
