@@ -112,6 +112,10 @@ def test_a_hole_at_the_rim_that_ends_in_a_drop_counts(k9: RoverProfile) -> None:
     assert surface(narrow, wide, k9).hole_m > FusedOptions().most_hole_m
 
 
+def test_a_narrow_look_asks_for_as_much_of_the_rock_as_the_other_clouds() -> None:
+    assert FusedOptions().least_rock_share >= SafetyLimits().least_rock_share
+
+
 def test_few_points_tell_nothing(k9: RoverProfile) -> None:
     some = sheet(0.03)
     assert fuse([check(some, k9), check(some, k9)], AT, FusedOptions()) is None
