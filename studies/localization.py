@@ -5,6 +5,7 @@
     python -m studies.localization --cache var/localization          # about 15 CPU minutes the first time
     python -m studies.localization --trials 20 --kilometre-legs 40 --rendered 0   # a short look
     python -m studies.localization --only rendered --rendered 8 # legs from rendered panoramas, fresh terrains
+    python -m studies.localization --only noise                 # what the modelled stereo's noise is set by
     python -m studies.localization --only drives                # rendered steps and their kilometre
     python -m studies.localization --only drives --seed 734112  # the same seeds again; goes on after a stop
     python -m studies.localization --only drives --tuning       # seeds that may set constants; writes nothing
@@ -34,7 +35,8 @@ from studies.common.localization_drive import (
     step_figures,
     tied_leg,
 )
-from studies.common.localization_legs import LegRecord, leg_record, wheel_prior
+from studies.common.localization_legs import LegRecord, leg_record, noise_name, wheel_prior
+from studies.common.localization_noise import noise_figures
 from studies.common.localization_plots import draw_kilometre, draw_leg, draw_trials
 from studies.common.odometry_drives import Drive, Flown, flown, ground_of, stops_of
 from studies.common.odometry_figures import (
@@ -53,6 +55,8 @@ from studies.common.rock_solids import table_one, whole_solids
 ROOT = Path(__file__).resolve().parent.parent
 FIRST_SEED = 20300
 KILOMETRE_SEED = 2000
+NOISE_SEEDS = range(10000, 10008)
+"""Terrains of the rendered stops that the noise of modelled stereo is measured on; no result is of these."""
 SHORT_M = 20.0
 """Way of a drive that is one of several."""
 TURNS = tuple(np.radians(np.arange(-5.0, 5.5, 1.0)).tolist())
@@ -97,7 +101,7 @@ def judged(record: LegRecord, *, with_turns: bool = False) -> tuple[LegResult, d
 
 
 def kept_entry(seed: int, cache: Path, *, modelled: bool, turned: bool) -> dict[str, Any]:
-    """Return the counts of one leg, from the cache if neither leg nor matching has changed since.
+    """Return the counts of one leg, from the cache if neither its stereo nor matching has changed since.
 
     `modelled` fits its rocks as solids, `turned` runs the published scheme with headings too.
     """
@@ -105,7 +109,7 @@ def kept_entry(seed: int, cache: Path, *, modelled: bool, turned: bool) -> dict[
     files = [folder / f"{name}.py" for name in ("rock_matching", "matching_kernels", "leg")]
     files.insert(2, ROOT / "studies" / "common" / "published_matching.py")
     digest = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()[:12]
-    path = cache / f"entry_{seed}_{digest}.json"
+    path = cache / f"entry_{seed}_{noise_name()}_{digest}.json"
     if path.exists():
         kept: dict[str, Any] = json.loads(path.read_text())
         return kept
@@ -301,7 +305,7 @@ def main() -> None:
     parser.add_argument("--turned", type=int, default=16, help="legs for the published scheme with headings")
     parser.add_argument("--cache", type=Path, default=ROOT / "var" / "localization")
     parser.add_argument(
-        "--only", choices=["matching", "kilometre", "rest", "drives", "rendered"], action="append"
+        "--only", choices=["matching", "kilometre", "rest", "drives", "rendered", "noise"], action="append"
     )
     parser.add_argument("--worlds", type=int, default=5, help="rendered drives of 20 m")
     parser.add_argument("--long", type=float, default=200.0, help="way of the two long drives, m")
@@ -344,6 +348,8 @@ def main() -> None:
         results["table_one"] = table_one()
         results["slip"] = step_figures(feature_steps(40, 9, slip=0.3))
         results["no_slip"] = step_figures(feature_steps(100, 10))
+    if "noise" in wanted:
+        results["noise"] = noise_figures(NOISE_SEEDS)
     if "rendered" in wanted:
         fresh = reporting(chosen.rendered, chosen.seed)
         print(f"{fresh.purpose} terrains {fresh.values}", flush=True)
@@ -460,6 +466,28 @@ def _rendered(f: dict[str, Any]) -> str:
     return _table([*head, "mean NEES (4)", "wrong poses"], rows) + f"\n\n{seeds}"
 
 
+def _noise(f: dict[str, Any]) -> str:
+    rows = [
+        [
+            f"{name}, {'15 to 24' if name.startswith('far') else 'to 15'} m",
+            f"{k['cells']} in {k['pairs']}",
+            f"{k['bias_mean']:+.3f}, {k['bias_rms']:.3f}",
+            f"{k['rms']:.3f} ({k['robust']:.3f})",
+            ", ".join(f"{c:.2f}" for c in k["correlation"].values()),
+            f"{k['together']:.3f}",
+            f"{k['white']:.3f}",
+        ]
+        for name, k in f["kinds"].items()
+    ]
+    head = ["disparity, px", "cells in pairs", "bias of pairs: mean, rms", "scatter, rms (robust)"]
+    head += ["correlation over 1 to 4 cells", "hanging together", "each cell's own"]
+    return _table(head, rows) + (
+        f"\n\n{len(f['seeds'])} rendered stops, terrains {f['seeds'][0]} to {f['seeds'][-1]}. "
+        f"What hangs together does so over {f['width']:.2f} cells; "
+        f"beside {100 * f['grown']:.0f} % of the edges the nearer body is seen a cell too wide."
+    )
+
+
 def _models(f: dict[str, Any]) -> str:
     rows = [
         [label, f"{100 * mean:.0f} %", f"{100 * median:.0f} %", f"{100 * every:.0f} %", published, bar]
@@ -568,6 +596,7 @@ def _rendered_steps(f: dict[str, Any]) -> str:
 REPORTS = {
     "matching": _matching,
     "rendered": _rendered,
+    "noise": _noise,
     "models": _models,
     "solids": _solids,
     "table_one": _table_one,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import pickle
 import time
@@ -112,31 +113,44 @@ def look(leg: Leg, end: int, *, span_rad: float = math.radians(120.0)) -> Sight:
     )
 
 
-def stereo_points(
-    sight: Sight,
-    rng: np.random.Generator,
-    *,
-    white_px: float = 0.08,
-    rock_px: float = 0.17,
-    ground_px: float = 0.38,
-    bias_px: float = 0.1,
-) -> GroundPoints:
+@dataclass(frozen=True)
+class StereoNoise:
+    """How far off modelled disparities are, px.
+
+    Each kind has a part that hangs together over `width_cells` (a Gauss filter's) and one of each cell's own;
+    a stop has one bias. Measured on one end each of eight rendered legs
+    (`python -m studies.localization --only noise`, terrains 10000 to 10007; the table is on the page of
+    results). Of near and far the larger is taken: rocks to 15 m, ground beyond. The bias is that of rocks and
+    of ground to 15 m; ground beyond has 0.1 px, which stands for nothing here, as rocks are placed by their
+    own points.
+    """
+
+    rock_px: float = 0.106
+    rock_white_px: float = 0.131
+    ground_px: float = 0.328
+    ground_white_px: float = 0.257
+    bias_px: float = 0.02
+    width_cells: float = 1.3
+    grown: float = 0.33
+
+
+def stereo_points(sight: Sight, rng: np.random.Generator, noise: StereoNoise | None = None) -> GroundPoints:
     """Return the points that stereo would give of a sight.
 
-    Measured on rendered pairs (semi-global matching, against cast ranges): the disparity of ground, seen at a
-    slant, errs by 0.28 to 0.4 px to 15 m, that of rock faces by 0.17 to 0.23, both hanging together over
-    some 3 cells (correlation of neighbours 0.85), and pairs have a bias of about 0.1. A near body grows by a
-    cell at its edge in a third of the places (the window's width), and 3 % of the cells are missing.
+    A near body grows by a cell at its edge in a share of the places (the window's width), and 3 % of the
+    cells are missing.
     """
     from scipy.ndimage import gaussian_filter, maximum_filter
 
+    noise = noise or StereoNoise()
     disparity = RANGE_FACTOR / sight.ranges
     grown = maximum_filter(disparity, size=3)
-    disparity = np.where(rng.random(disparity.shape) < 0.33, grown, disparity)
-    blob = gaussian_filter(rng.standard_normal(disparity.shape), 2.5)
-    noise = np.where(sight.on_rock, rock_px, ground_px) * blob / blob.std()
-    noise += white_px * rng.standard_normal(disparity.shape) + bias_px * rng.standard_normal()
-    seen = disparity + noise
+    disparity = np.where(rng.random(disparity.shape) < noise.grown, grown, disparity)
+    blob = gaussian_filter(rng.standard_normal(disparity.shape), noise.width_cells)
+    together = np.where(sight.on_rock, noise.rock_px, noise.ground_px)
+    white = np.where(sight.on_rock, noise.rock_white_px, noise.ground_white_px)
+    seen = disparity + together * blob / blob.std() + white * rng.standard_normal(disparity.shape)
+    seen += noise.bias_px * rng.standard_normal()
     good = (seen > RANGE_FACTOR / 45.0) & np.isfinite(sight.ranges) & (rng.random(disparity.shape) > 0.03)
     points = sight.eye + sight.directions[good] * (RANGE_FACTOR / seen[good])[:, None]
     return GroundPoints(points, sight.eye, RANGE_FACTOR)
@@ -229,6 +243,11 @@ class LegRecord:
     cpu_s: float
 
 
+def noise_name() -> str:
+    """Return a name of the noise of modelled stereo, another for each other noise."""
+    return hashlib.sha256(repr(StereoNoise()).encode()).hexdigest()[:8]
+
+
 def leg_record(
     seed: int,
     length_m: float = 26.0,
@@ -237,8 +256,12 @@ def leg_record(
     models: bool = True,
     cache: Path | None = None,
 ) -> LegRecord:
-    """Return leg number `seed` as seen; kept in and taken from the folder `cache` when one is given."""
-    kept = None if cache is None else cache / f"leg_{seed}_{length_m:.2f}_{'r' if rendered else 'm'}.pickle"
+    """Return leg number `seed` as seen; kept in and taken from the folder `cache` when one is given.
+
+    A modelled leg is kept by its noise, so none is taken that was drawn with another.
+    """
+    drawn = "r" if rendered else f"m_{noise_name()}"
+    kept = None if cache is None else cache / f"leg_{seed}_{length_m:.2f}_{drawn}.pickle"
     if kept is not None and kept.exists():
         record: LegRecord = pickle.loads(kept.read_bytes())
         return record

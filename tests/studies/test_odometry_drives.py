@@ -26,7 +26,13 @@ from studies.common.odometry_drives import (
     path_of,
     stops_of,
 )
-from studies.common.odometry_figures import adjusted_run, agreement, steps_told
+from studies.common.odometry_figures import (
+    adjusted_run,
+    agreement,
+    flown_kilometre,
+    kilometre_table,
+    steps_told,
+)
 from tests.seeds import drawn_seed
 
 SIGMA = np.array([1e-3, 1e-3, 1e-3, 4e-3, 4e-3, 4e-3])
@@ -143,3 +149,11 @@ def test_two_runs_agree_within_what_they_tell_and_not_when_they_boast() -> None:
             found.append(agreement(*runs)["nees_apart"])
     assert np.mean(nees[1.0]) < 7.0  # 3 expected; 24 degrees of freedom in all
     assert np.mean(nees[0.2]) > 10.0
+
+
+def test_the_kilometre_tells_of_a_sun_sighted_twice_at_each_site() -> None:
+    told = flown_kilometre([drive_of(12, 1)], [leg(25.0)] * 40, 6)
+    # the sun's share of the error goes by the root of two, that of steps and scale stays
+    assert told["twice_adjusted"]["mean"] < told["sun_adjusted"]["mean"]
+    row = next(r for r in kilometre_table(told).splitlines() if "sighted twice" in r)
+    assert f"{told['twice_adjusted']['mean']:.2f} %" in row
