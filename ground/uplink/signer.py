@@ -31,6 +31,8 @@ LONGEST = 8 * 2**20
 """Bytes of a question; a manifest has some kilobytes, the heads of 10,000 missions one megabyte."""
 WAIT_S = 10.0
 """Who asks sends its line within this; another can ask after it."""
+LOOK_S = 0.5
+"""After which the one who answers looks up: a signal that comes just before it listens wakes nobody."""
 ASKING = threading.BoundedSemaphore(8)
 
 
@@ -49,12 +51,15 @@ class Signer:
         finally:
             os.umask(earlier)
         self._socket.listen(16)
+        self._socket.settimeout(LOOK_S)
 
     def serve(self) -> None:
         """Answer until `stop`."""
         while True:
             try:
                 asker, _ = self._socket.accept()
+            except TimeoutError:
+                continue
             except OSError:
                 return
             threading.Thread(target=self._answer, args=(asker,), daemon=True).start()

@@ -131,3 +131,23 @@ def test_a_process_holds_the_key_and_ends_on_a_signal(tmp_path: Path) -> None:
         time.sleep(0.05)
     assert not place.exists()
     assert public_text(make_key(key)) not in said
+
+
+SIGNAL_ELSEWHERE = """
+import signal, sys, threading
+from pathlib import Path
+from ground.uplink.keys import make_key
+from ground.uplink.signer import Signer
+
+folder = Path(sys.argv[1])
+signer = Signer(make_key(folder / "key"), folder / "s.sock", frozenset())
+signal.signal(signal.SIGTERM, lambda *_: signer.stop())
+threading.Timer(0.3, lambda: signal.pthread_kill(threading.get_ident(), signal.SIGTERM)).start()
+signer.serve()
+"""
+
+
+def test_a_signal_that_does_not_wake_the_one_who_answers_ends_it_all_the_same(tmp_path: Path) -> None:
+    """Taken by another thread, as by one that is about to listen, it interrupts no call."""
+    subprocess.run([sys.executable, "-c", SIGNAL_ELSEWHERE, str(tmp_path)], check=True, timeout=30)
+    assert not (tmp_path / "s.sock").exists()

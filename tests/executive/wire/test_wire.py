@@ -511,8 +511,14 @@ def test_what_was_stopped_before_the_rover_came_to_it_is_never_begun(tmp_path: P
     rover = Waiter(JumpingClock())
     with served(rover, tmp_path / "r.sock") as (address, server), line_to(address) as line:
         line.wait_ready(5)
-        busy = threading.Event()
-        server._lead.do(lambda: busy.wait(5) and None)  # the rover computes
+        begun, busy = threading.Event(), threading.Event()
+
+        def computing() -> None:
+            begun.set()
+            busy.wait(60)
+
+        server._lead.do(computing)
+        assert begun.wait(5)
         late = CommandId("run", "late", 1)
         line.send(Command(late, "wait", {"duration_s": 100.0}))
         until(lambda: line.link().commands[0][1] == "accepted")
