@@ -155,11 +155,7 @@ def carried(points: Array, number: int, first: Photograph, image: Image, camera:
     position, covariance = motion.at(points[number], np.zeros((3, 3)))
     jacobian = before.jacobian(position)
     error_px = math.sqrt(0.5 * float(np.trace(jacobian @ covariance @ jacobian.T)))
-    if (
-        2 * motion.inliers < motion.matches
-        or motion.inliers < limits.drape.least_agree
-        or error_px > limits.most_error_px
-    ):
+    if motion.inliers < limits.drape.least_agree or error_px > limits.most_error_px:
         return None
     return np.asarray(believed.project(points[number]))
 
