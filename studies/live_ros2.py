@@ -20,7 +20,8 @@ from pathlib import Path
 
 from executive.ports import Acknowledgement
 from studies.live_kills import put, quantile
-from tests.ros2.processes import EXAMPLE, Drive, Ros, until
+from tests.ros2.processes import EXAMPLE, Drive, Ros
+from tests.waiting import until
 
 STAMP = re.compile(r"\[INFO\] \[([\d.]+)\] \[turtle_server\]: (.+)")
 

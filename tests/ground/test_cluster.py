@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from ipaddress import ip_address
 from pathlib import Path
@@ -41,18 +41,12 @@ from tests.ground.test_jobs import (
     row_of,
     with_settings,
 )
+from tests.waiting import until
 
 ROOT = Path(__file__).resolve().parents[2]
 AWAY = Presence(
     "far:7", "distributed", 0, "OSError: the Dask scheduler does not answer", "2026-11-23T09:00:00Z"
 )
-
-
-def until(true: Callable[[], bool], patience_s: float = 240.0) -> None:
-    end = time.monotonic() + patience_s
-    while not true():
-        assert time.monotonic() < end
-        threading.Event().wait(0.05)
 
 
 def open_files() -> int:

@@ -23,6 +23,7 @@ from ground.jobs.worker import Worker
 from ground.resources.missions.value import Mission
 from ground.settings import ExecutorKind
 from tests.ground.test_jobs import KIND, KINDS, SETTLED, queue, row_of, wait_for, with_settings
+from tests.waiting import until
 
 LEASE_S = 0.6
 
@@ -71,13 +72,6 @@ def worker(sqlite_repo: Repository, cluster: Cluster) -> Iterator[Worker]:
     made.RETRY_S = (0.05, 0.1)  # type: ignore[misc]
     yield made
     made.stop()
-
-
-def until(true: Callable[[], bool]) -> None:
-    end = time.monotonic() + 60.0
-    while not true():
-        assert time.monotonic() < end
-        threading.Event().wait(0.02)
 
 
 def test_a_scheduler_that_is_not_there_is_waited_for(

@@ -6,8 +6,7 @@ import configparser
 import errno
 import json
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -36,18 +35,12 @@ from ground.uplink.live import (
 from ground.uplink.verify import read_package
 from tests.executive.wire.servers import JumpingClock, Waiter
 from tests.ground.live_site import ROOT, Site, live_site, rover_process
+from tests.waiting import until
 
 LOOK = """(plan :id day :node (block :id all :node-list (
   (task :id look :action image)
   (task :id rest :action wait :parameters (duration_s = {})))))"""
 SETTINGS = LiveOptions().settings(1.0)
-
-
-def until(what: Callable[[], object], seconds: float = 30.0) -> None:
-    end = time.monotonic() + seconds
-    while not what():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 # ---- products

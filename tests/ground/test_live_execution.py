@@ -28,6 +28,7 @@ from ground.uplink.flight import Flight
 from ground.uplink.live import LiveOptions, LivePlace, complete, execute_live, run_id_of, run_live, stop_run
 from ground.uplink.verify import read_package
 from tests.ground.live_site import ROOT, Site, environment, live_site, lost_time, rover_process
+from tests.waiting import until
 
 LONG = """(plan :id day :node (block :id all :node-list (
   (task :id go :action navigate :parameters (x = 100.0 y = 0.0))
@@ -36,13 +37,6 @@ LONG = """(plan :id day :node (block :id all :node-list (
 
 def place_of(site: Site) -> LivePlace:
     return LivePlace(site.address, site.world, site.trust, dictionary=site.dictionary)
-
-
-def until(what: object, seconds: float = 120.0) -> None:
-    end = time.monotonic() + seconds
-    while not what():  # type: ignore[operator]
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 def sent(site: Site, task: str) -> bool:

@@ -5,23 +5,15 @@ from __future__ import annotations
 import contextlib
 import os
 import subprocess
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 from executive.ports import Acknowledgement, Command, CommandId, Event, Result
 from executive.runtime.wire import Address, WireRover
+from tests.waiting import until
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples/ros2_turtle"
 DOMAIN = str(1 + os.getpid() % 100)
-
-
-def until(what: Callable[[], bool], seconds: float = 40.0) -> None:
-    end = time.monotonic() + seconds
-    while not what():
-        assert time.monotonic() < end
-        time.sleep(0.01)
 
 
 class Ros:

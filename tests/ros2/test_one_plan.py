@@ -16,7 +16,8 @@ from ground.uplink.flight import fly
 from rover_iface.contract import write_contract_world
 from rover_iface.registry import find_rover
 from tests.ground.live_site import rover_process
-from tests.ros2.processes import ROOT, Drive, Ros, until
+from tests.ros2.processes import ROOT, Drive, Ros
+from tests.waiting import until
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("ros2")]
 

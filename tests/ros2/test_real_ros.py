@@ -15,8 +15,9 @@ from executive.ports import Acknowledgement, Product, Result, Update
 from executive.runtime import LiveRuntime
 from executive.runtime.wire import WireRover
 from executive.runtime.wire.contract import check_wire
-from tests.ros2.processes import EXAMPLE, Drive, Ros, until
+from tests.ros2.processes import EXAMPLE, Drive, Ros
 from tests.shared import script
+from tests.waiting import until
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("ros2")]
 

@@ -6,7 +6,6 @@ import json
 import shutil
 import tempfile
 import time
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -58,14 +57,6 @@ def small_mission(server: Server, name: str, targets: int = len(TARGETS)) -> str
         ask(server, f"/missions/{mission}/observation-requests", request)
     ask(server, f"/missions/{mission}/keep-outs", {"name": "K1", "notes": "", "polygon_m": KEEP_OUT})
     return mission
-
-
-def until(what: Callable[[], bool], seconds: float = 120.0) -> None:
-    """Wait until something holds."""
-    end = time.monotonic() + seconds
-    while not what():
-        assert time.monotonic() < end, "it did not come"
-        time.sleep(0.1)
 
 
 def done(server: Server, job: dict[str, Any]) -> dict[str, Any]:

@@ -18,8 +18,9 @@ from playwright.sync_api import Page, Route, expect, sync_playwright
 
 from ground.resources.runs.work import LIVE
 from tests.npm import npm_packages
+from tests.waiting import until
 from tests.web.conftest import CHROMIUM, FLAGS, Server
-from tests.web.missions import ask, done, make_plan, small_mission, until
+from tests.web.missions import ask, done, make_plan, small_mission
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser")]
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import pytest
 from playwright.sync_api import Page, Route, expect
 
+from tests.waiting import until
 from tests.web.conftest import Server
-from tests.web.missions import ask, make_plan, small_mission, until
+from tests.web.missions import ask, make_plan, small_mission
 from tests.web.page import chromium, open_page, shot
 from tests.web.review_steps import become
 from tests.web.test_traverse import axe

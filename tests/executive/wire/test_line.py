@@ -16,7 +16,8 @@ from executive.runtime.wire import Address, Keys, WireRover
 from executive.runtime.wire.address import dial, listen
 from executive.runtime.wire.contract import check_wire
 from tests.executive.wire.servers import JumpingClock, Waiter, served
-from tests.executive.wire.test_wire import QUICK, hear, line_to, until
+from tests.executive.wire.test_wire import QUICK, hear, line_to
+from tests.waiting import until
 
 
 def test_a_disk_that_takes_no_product_does_not_keep_a_stop_from_the_rover(tmp_path: Path) -> None:

@@ -13,7 +13,8 @@ from executive.errors import WireError
 from executive.ports import Acknowledgement, Command, CommandId, Result, Update
 from executive.runtime.wire.stop import stop_rover
 from tests.executive.wire.servers import JumpingClock, Waiter, served
-from tests.executive.wire.test_wire import hear, line_to, until
+from tests.executive.wire.test_wire import hear, line_to
+from tests.waiting import until
 
 
 class Stubborn(Waiter):

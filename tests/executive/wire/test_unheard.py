@@ -19,18 +19,12 @@ from executive.runtime.wire import Address, WireOptions, WireRover
 from executive.runtime.wire.frames import FrameReader, frame
 from executive.runtime.wire.outbox import RESTARTED, UNHEARD
 from tests.executive.wire.servers import JumpingClock, Waiter, served
+from tests.waiting import until
 
 QUICK = WireOptions(retry_s=0.1, beat_s=0.05, dead_s=2.0, pause_s=0.02, longest_pause_s=0.1, patience_s=3.0)
 LONG = Command(CommandId("run", "long", 1), "wait", {"duration_s": 60.0})
 PLAN = """(plan :id day :node (block :id root :node-list
  ((task :id long :action wait :parameters (duration_s = 60)))))"""
-
-
-def until(what: object, seconds: float = 5.0) -> None:
-    end = time.monotonic() + seconds
-    while not what():  # type: ignore[operator]
-        assert time.monotonic() < end
-        time.sleep(0.005)
 
 
 class Hand:

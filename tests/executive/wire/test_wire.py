@@ -25,6 +25,7 @@ from executive.runtime.wire.messages import event_of
 from executive.runtime.wire.round_trips import RoundTrips
 from executive.runtime.wire.stop import stop_rover
 from tests.executive.wire.servers import JumpingClock, Waiter, served
+from tests.waiting import until
 
 QUICK = WireOptions(retry_s=0.1, beat_s=0.05, dead_s=2.0, pause_s=0.02, longest_pause_s=0.1, patience_s=3.0)
 DAY = """(plan :id day :library ((alternate :id safe :node (task :id beacon :action wait)))
@@ -39,13 +40,6 @@ def line_to(address: Address, run: str = "run", **more: object) -> Iterator[Wire
         yield rover
     finally:
         rover.close()
-
-
-def until(what: object, seconds: float = 5.0) -> None:
-    end = time.monotonic() + seconds
-    while not what():  # type: ignore[operator]
-        assert time.monotonic() < end
-        time.sleep(0.005)
 
 
 def hear(rover: WireRover, count: int, seconds: float = 5.0) -> list[Event]:
