@@ -22,6 +22,7 @@ from schemathesis.specs.openapi.checks import (
 )
 
 import ground
+from ground.api import jobs_answer
 from ground.app.api import build_api
 from ground.app.service import build_app
 from ground.cli.openapi import document_text
@@ -82,6 +83,7 @@ def schema(
         pytest.MonkeyPatch.context() as patch
     ):  # what a seed gives has its tests elsewhere, and takes seconds
         small()
+        patch.setattr(jobs_answer, "MAX_WAIT_S", 0.5)  # of the 30 s of an example: there is no worker
         patch.setattr(terrain, "generate_terrain", lambda *_seed_and_size, **_options: small())
         loaded = schemathesis.openapi.from_asgi("/api/v1/openapi.json", app)
         # Made-up keys and sessions would be refused before anything else is asked.
