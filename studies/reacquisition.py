@@ -8,8 +8,10 @@
 A world is a rock of 25 to 70 cm on generated ground, and three points of it by a plain rule: any that the
 first picture shows, 3 px inside the outline. The rover has the navcam pair of its last stop. It believes to
 have made a step of a tenth of the range, to 2 to 8 m; in truth it stands anywhere within a metre of there,
-turned by up to 15 degrees. The sun has gone on by four hours. Right is a pixel within 1 px of where the true
-camera shows the point, wrong one that is told as found and more than 3 px off.
+turned by up to 15 degrees. The sun has gone on by four hours. Each world is drawn by the own
+renderer, with the grain of real frames, and by MuJoCo (needs `studies/offscreen.txt`; `--domains own draped`
+does without). Right is a pixel within 1 px of where the true camera shows the point, wrong one that is told
+as found and more than 3 px off.
 
 On the first ten worlds what the trackers had before is asked too: each tracker with the whole frame, which is
 more than it looks at on the way, and the recall of kept pairs. Each target is one line a method of
@@ -43,7 +45,7 @@ from studies.common.pages import table, write_section
 from studies.common.perception_worlds import Shot
 from studies.common.reacquisition_worlds import ASIDES, Trial, view_of
 from studies.common.tracking_worlds import Array
-from studies.domains import DOMAINS, SHARED
+from studies.domains import DOMAINS, RENDERED, SHARED
 
 RIGHT_PX, WRONG_PX = 1.0, 3.0
 Found = tuple[int, Array] | str
@@ -247,7 +249,7 @@ def main() -> None:
     parser.add_argument("--resume", action="store_true")
     parser.add_argument("--compare", type=int, default=10, help="worlds on which the others are asked too")
     parser.add_argument("--methods", nargs="+", choices=list(METHODS), default=list(METHODS))
-    parser.add_argument("--domains", nargs="+", choices=("own", "draped"), default=("own", "draped"))
+    parser.add_argument("--domains", nargs="+", choices=RENDERED, default=RENDERED)
     parser.add_argument("--imagery", type=Path, default=SHARED / "data/imagery")
     parser.add_argument("--folder", type=Path, default=Path(tempfile.gettempdir()) / "reacquisition")
     arguments = parser.parse_args()

@@ -18,7 +18,7 @@ from studies.common.tracking_worlds import Array
 
 Window = tuple[int, int, int, int]
 LARGEST_PX = (481, 401)
-"""Largest window that a painter is asked for, width and height."""
+"""Largest window that a painter is asked for if nothing is said, width and height."""
 Picture = tuple[npt.NDArray[np.uint8], Truth, float]
 """Picture in 8 bits, what it shows, and the gain it was exposed with."""
 
@@ -84,7 +84,15 @@ class DrapedPainter:
 class MujocoPainter:
     """Domain (d): the same triangles in MuJoCo's renderer; blur and noise of the sensor are added."""
 
-    def __init__(self, renderer: Renderer, purpose: Purpose, imagery: Path, seed: int, middle: Array) -> None:
+    def __init__(
+        self,
+        renderer: Renderer,
+        purpose: Purpose,
+        imagery: Path,
+        seed: int,
+        middle: Array,
+        largest: tuple[int, int],
+    ) -> None:
         from studies.common.mujoco_pictures import MujocoPictures, baked
 
         self.scene, self.seed, self.middle = renderer.scene, seed, middle
@@ -92,7 +100,7 @@ class MujocoPainter:
         drape = _drape(purpose, imagery, rng)
         self.blur_px = float(rng.uniform(0.45, 0.85))
         texture = baked(drape.levels[0], drape.pixel_m, drape.shift[:2])
-        self.pictures = MujocoPictures(self.scene, texture, LARGEST_PX)
+        self.pictures = MujocoPictures(self.scene, texture, largest)
 
     def __call__(
         self, camera: CameraModel, window: Window, sun: Sun, gain: float | None, noise: int
@@ -121,13 +129,17 @@ def painter(
     imagery: Path,
     seed: int,
     middle: Array,
+    largest: tuple[int, int] = LARGEST_PX,
 ) -> Painter:
-    """Return who takes the pictures of a domain in one world, round a point `middle` (3,), m."""
+    """Return who takes the pictures of a domain in one world, round a point `middle` (3,), m.
+
+    `largest` is the width and height, px, of the largest window that it is asked for.
+    """
     if domain == "own":
         return OwnPainter(renderer, sensor)
     if domain == "draped":
         return DrapedPainter(renderer, purpose, imagery, seed)
-    return MujocoPainter(renderer, purpose, imagery, seed, middle)
+    return MujocoPainter(renderer, purpose, imagery, seed, middle, largest)
 
 
 def _drape(purpose: Purpose, imagery: Path, rng: np.random.Generator) -> Drape:

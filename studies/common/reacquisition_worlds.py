@@ -50,7 +50,7 @@ class Trial:
         self.domain, self.seed = domain, seed
         self.world = world = world_of(seed)
         sensor, middle = world.rig.mounted("navcam_left").sensor, np.array([0.0, 0.0, world.rock.z])
-        self.paint = painter(domain, world.renderer, sensor, purpose, imagery, seed, middle)
+        self.paint = painter(domain, world.renderer, sensor, purpose, imagery, seed, middle, WHOLE)
         rng = np.random.default_rng([seed, 0xAC0])
         early, self.late = suns(rng)
         self.look = np.array([0.0, 0.0, world.rock.z + 0.4 * world.rock.height])
