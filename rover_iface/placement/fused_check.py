@@ -18,6 +18,7 @@ from rover_iface.frames import across
 from rover_iface.placement import patch_kernels as kernels
 from rover_iface.placement.cloud import Array, SurfaceCloud
 from rover_iface.placement.patch_check import COVER_CELL_M, COVERED_M, PatchCheck
+from rover_iface.placement.plane_spread import plane_of, plane_spread
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,12 +32,19 @@ class FusedOptions:
         2. On rock 16016 an edge lay 2 mm outside of a margin of 4 mm, and under the tool.
     relief_margin_m
         The same for the relief: what lies farther out is asked for as a hole or a rim.
+    rim_margin_m, most_rim_depth_m
+        So far round the tool the surface must not fall deeper than is borne less what the arm errs: on the
+        rocks 16040 and 16060 it fell by 34 to 37 mm under the rim of the tool where 15 to 17 were told.
+    wide_margin_m
+        So far round the tool the relief of a place beside the designated point counts: what dense stereo's
+        block and the step beside it hide (5 mm), the registration and the arm. Of 134 places that kept 85 %
+        of the limits to 4 mm round it 5 were unsafe, to 10 mm none of 101 (16 rocks, 16001 to 16060).
     stand_in_m
         A point of the second cloud, and of the third, counts where finer ones leave this much free.
-    most_protrusion_m, most_depth_m, error_m
-        What the first and the second may be, `error_m` added for what the narrow pair errs. Wider than for
-        the other clouds, which err more: 20 and 30 mm are borne. With 20 and 28 mm here 2 of 358 accepts were
-        unsafe, with 19 and 26 none of 343.
+    most_protrusion_m, most_depth_m
+        What the first and the second may be, with what a plane that leans otherwise hides (`relief_sigma_m`).
+        Wider than for the other clouds, which err more: 20 and 30 mm are borne. With 20 and 28 mm here 2 of
+        358 accepts were unsafe, with 19 and 26 none of 343.
     most_hole_m
         Diameter of the largest hole; with 16 mm one of 343 accepts was unsafe.
     bridged_m, bridged_relief_m, bridged_gap_rad
@@ -47,25 +55,24 @@ class FusedOptions:
     least_rock_share
         Share of the points that belong to the rock, as for the other clouds (`SafetyLimits`): with 0.97, what
         is borne in truth, a tool missed the rock 42039, whose share was told as 0.983.
-    normal_sigma_rad
-        What the normal may be off, one deviation.
     least_points
         Points under the tool below which nothing is said.
     """
 
     margin_m: float = 0.007
     relief_margin_m: float = 0.004
+    rim_margin_m: float = 0.008
+    most_rim_depth_m: float = 0.028
+    wide_margin_m: float = 0.010
     stand_in_m: tuple[float, ...] = (0.0035, 0.005)
     most_protrusion_m: float = 0.0185
     most_depth_m: float = 0.025
-    error_m: float = 0.001
     most_hole_m: float = 0.0125
     bridged_m: float = 0.022
     bridged_relief_m: float = 0.012
     bridged_gap_rad: float = 2.4
     least_narrow_share: float = 0.5
     least_rock_share: float = 0.985
-    normal_sigma_rad: float = math.radians(1.0)
     least_points: int = 30
 
 
@@ -77,10 +84,15 @@ class FusedSurface:
     ----------
     protrusion_m, depth_m, rms_m
         Highest and lowest part over and below the fitted plane, root mean square deviation.
+    rim_depth_m, wide_protrusion_m, wide_depth_m
+        The same to `FusedOptions.rim_margin_m` and `wide_margin_m` round the tool.
     hole_m
         Diameter of the largest hole that is not bridged.
     narrow_share, rock_share
         Share of the disc that the narrow cloud shows; of the points, those on the rock.
+    normal_sigma_rad, relief_sigma_m
+        How far the normal may be off, one deviation (`plane_spread`), and by how much heights under the tool
+        change with it.
     """
 
     point: Array
@@ -88,9 +100,14 @@ class FusedSurface:
     protrusion_m: float
     depth_m: float
     rms_m: float
+    rim_depth_m: float
+    wide_protrusion_m: float
+    wide_depth_m: float
     hole_m: float
     narrow_share: float
     rock_share: float
+    normal_sigma_rad: float
+    relief_sigma_m: float
 
 
 SHOWN_M = 0.003
@@ -137,19 +154,20 @@ def fuse(checks: Sequence[PatchCheck], at: Array, options: FusedOptions) -> Fuse
             middle = at - ((at - centre) @ normal) * normal
             continue
         cells = _cells(points, source, middle, normal)
-        core = cells[np.hypot(cells[:, 0], cells[:, 1]) < radius]
+        slope, core = plane_of(cells, radius, SUPPORT_M)
         if len(core) < LEAST_CELLS:
             return None
-        # as the tool's face does: it rests on the upper part, not on what lies a hand's breadth below
-        core = core[core[:, 2] > np.median(core[:, 2]) - SUPPORT_M]
-        slope = np.linalg.lstsq(np.column_stack((core[:, :2], np.ones(len(core)))), core[:, 2], rcond=None)[0]
         first, second = across(normal)
         middle = middle + slope[2] * normal
         normal = normal - slope[0] * first - slope[1] * second
         normal /= np.linalg.norm(normal)
         middle = at - ((at - middle) @ normal) * normal
     cells = _cells(points, source, middle, normal)
-    height = cells[np.hypot(cells[:, 0], cells[:, 1]) < radius + options.relief_margin_m, 2]
+    out = np.hypot(cells[:, 0], cells[:, 1]) - radius
+    height, rim, wide = (
+        cells[out < margin, 2]
+        for margin in (options.relief_margin_m, options.rim_margin_m, options.wide_margin_m)
+    )
     off = points - middle
     rise = off @ normal
     under = np.linalg.norm(off - np.outer(rise, normal), axis=1) < reach
@@ -158,15 +176,23 @@ def fuse(checks: Sequence[PatchCheck], at: Array, options: FusedOptions) -> Fuse
     kept = np.ascontiguousarray(points[under])
     fine = np.ascontiguousarray(kept[source[under] == 0])
     share = kernels.disc_gaps(fine, middle, normal, reach, SHOWN_M)[0] if len(fine) else 0.0
+    lowest = float(np.quantile(rise[under], 0.005))
+    sigma_rad = plane_spread(cells, radius, RELIEF_CELL_M, SUPPORT_M)
     return FusedSurface(
         middle,
         normal,
         float(height.max()),
-        float(-min(height.min(), np.quantile(rise[under], 0.005))),
+        -min(float(height.min()), lowest),
         float(np.sqrt((height**2).mean())),
+        -min(float(rim.min()), lowest),
+        float(wide.max()),
+        -min(float(wide.min()), lowest),
         _hole(points, middle, normal, reach, options),
         float(share),
         float(mine[under].mean()),
+        sigma_rad,
+        # a plane through a disc moves at its rim, on the side to which it leans, by this on the mean
+        radius / math.sqrt(2.0) * math.tan(sigma_rad),
     )
 
 

@@ -82,8 +82,8 @@ class NarrowLooks:
 
     @property
     def blind(self) -> bool:
-        """Return whether there is no narrow pair, or no look that was had brought anything."""
-        return all(check is None for _, check in self._looks)
+        """Return whether there is no narrow pair. One that brought nothing of a place does not know it."""
+        return self.look is None
 
     def opinion(self, point: Array, *, anew: bool = False) -> Opinion:
         """Return what the looks say of a place (3,), rover frame, m; `anew` asks for one where none tells."""
@@ -132,17 +132,31 @@ class NarrowLooks:
         return UNSEEN if judged is None else Opinion(Sight.GOOD, judged)
 
     def _relief(self, surface: FusedSurface) -> Finding | None:
-        for reason, value, limit in self._shares(surface):
+        options, sure = self.options, self._sure(surface)
+        for reason, value, limit in (
+            (Reason.EDGE, surface.depth_m + sure, options.most_depth_m),
+            (Reason.EDGE, surface.rim_depth_m, options.most_rim_depth_m),
+            (Reason.PROTRUSION, surface.protrusion_m + sure, options.most_protrusion_m),
+            (Reason.ROUGHNESS, surface.rms_m, self.joint.limits.most_rms_m),
+        ):
             if not value <= limit:
                 return Finding(reason, value, limit, "m")
         return None
 
-    def _shares(self, surface: FusedSurface) -> tuple[tuple[Reason, float, float], ...]:
-        options = self.options
-        return (
-            (Reason.EDGE, surface.depth_m + options.error_m, options.most_depth_m),
-            (Reason.PROTRUSION, surface.protrusion_m + options.error_m, options.most_protrusion_m),
-            (Reason.ROUGHNESS, surface.rms_m, self.joint.limits.most_rms_m),
+    def _sure(self, surface: FusedSurface) -> float:
+        """Return what of the relief a plane that leans otherwise may hide, m."""
+        return self.joint.limits.sigmas * surface.relief_sigma_m
+
+    def _strain(self, surface: FusedSurface) -> float:
+        """Return the largest share of a limit that a place takes which nobody asked for: of those of its
+        relief, somewhat beyond the tool, and of its holes.
+        """
+        options, sure = self.options, self._sure(surface)
+        return max(
+            surface.hole_m / options.most_hole_m,
+            (surface.wide_depth_m + sure) / options.most_depth_m,
+            (surface.wide_protrusion_m + sure) / options.most_protrusion_m,
+            surface.rms_m / self.joint.limits.most_rms_m,
         )
 
     def _free(self, narrow: PatchCheck, surface: FusedSurface) -> bool:
@@ -155,7 +169,7 @@ class NarrowLooks:
         limits = self.joint.limits
         if narrow.axis is not None:
             tilt = float(np.arccos(np.clip(surface.normal @ narrow.axis, -1.0, 1.0)))
-            if tilt + limits.sigmas * self.options.normal_sigma_rad > limits.most_slope_rad:
+            if tilt + limits.sigmas * surface.normal_sigma_rad > limits.most_slope_rad:
                 return False
         return (
             max((one.beside_m for one in known), default=np.inf) <= limits.most_beside_m
@@ -167,7 +181,6 @@ class NarrowLooks:
         measures = narrow.judge(surface.point).measures
         if measures is None:
             return None
-        sigma = max(measures.normal_sigma_rad, self.options.normal_sigma_rad)
         measures = replace(
             measures,
             protrusion_m=surface.protrusion_m,
@@ -175,10 +188,6 @@ class NarrowLooks:
             rms_m=surface.rms_m,
             hole_m=surface.hole_m,
             rock_share=surface.rock_share,
-            normal_sigma_rad=sigma,
+            normal_sigma_rad=surface.normal_sigma_rad,
         )
-        strain = max(
-            surface.hole_m / self.options.most_hole_m,
-            *(value / limit for _, value, limit in self._shares(surface)),
-        )
-        return Judged(surface.point, surface.normal, measures, (), strain)
+        return Judged(surface.point, surface.normal, measures, (), self._strain(surface))

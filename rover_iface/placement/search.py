@@ -66,8 +66,14 @@ class Search:
         if opinion.sight is Sight.BAD and opinion.finding is not None:
             self.first = judged.with_finding(opinion.finding)
             return None
-        if opinion.judged is not None and (posture := self.reached(opinion.judged)) is not None:
-            return self.taken(opinion.judged, posture, designated=True)
+        if opinion.judged is not None:
+            posture = self.reached(opinion.judged)
+            if posture is not None:
+                return self.taken(opinion.judged, posture, designated=True)
+            # the others, who know the normal worse, are not asked whether it can be reached after all
+            if self.out_of_reach is not None:
+                self.first = judged.with_finding(self.out_of_reach.findings[-1])
+            return None
         if judged.normal is None or not (self.roomy(judged) or judged.close_strain <= 1.0):
             return None
         posture = self.reached(judged)
@@ -141,7 +147,7 @@ class Search:
         if good.strain > self.check.limits.calm:
             self.fair.append(good)
             return None
-        posture = self.reached(good)
+        posture = self.reached(good, self.check.limits.beside_sigmas)
         return None if posture is None else self.taken(good, posture)
 
     def settled(self, judged: Judged, posture: Posture | Motion) -> PlacementVerdict | None:
@@ -172,7 +178,7 @@ class Search:
                 if (verdict := self.shown_well(judged.point)) is not None:
                     return verdict
         for good in sorted(self.fair, key=lambda one: one.strain):
-            if (posture := self.reached(good)) is not None:
+            if (posture := self.reached(good, self.check.limits.beside_sigmas)) is not None:
                 return self.taken(good, posture)
         return None
 
@@ -185,9 +191,11 @@ class Search:
         self.first = self.first or judged
         return judged
 
-    def reached(self, judged: Judged) -> Posture | Motion | None:
+    def reached(self, judged: Judged, sigmas: float | None = None) -> Posture | Motion | None:
         """Return the arm's answer for a safe point; None when it does not reach or would tilt the tool, or
         the point is not on the rock of the designated one.
+
+        So many deviations of the normal count against it, those of the limits when None.
         """
         if self.asked == MOST_ASKED:
             return None
@@ -198,7 +206,7 @@ class Search:
             why = Finding(Reason.ARM, math.nan, math.nan, "", f"{answer.limit}: {answer.reason}")
         else:
             limits = self.check.limits
-            slope = self.slope(judged, answer)
+            slope = self.slope(judged, answer, sigmas)
             if slope <= limits.most_slope_rad:
                 depth = self.check.crease_m(self.at, judged.point)
                 if depth <= limits.most_crease_m:
@@ -219,10 +227,11 @@ class Search:
         if judged is self.first:
             self.left = self.left or why
 
-    def slope(self, judged: Judged, posture: Posture | Motion) -> float:
-        """Return the angle between tool and surface normal, the normal's uncertainty added."""
+    def slope(self, judged: Judged, posture: Posture | Motion, sigmas: float | None = None) -> float:
+        """Return the angle between tool and normal, the uncertainty of that added (`reached`)."""
         assert judged.measures is not None
-        return posture.tool_tilt_rad + self.check.limits.sigmas * judged.measures.normal_sigma_rad
+        sigmas = self.check.limits.sigmas if sigmas is None else sigmas
+        return posture.tool_tilt_rad + sigmas * judged.measures.normal_sigma_rad
 
     def taken(
         self, judged: Judged, posture: Posture | Motion, *, designated: bool = False

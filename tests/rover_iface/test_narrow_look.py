@@ -12,6 +12,7 @@ from rover_iface.behaviour.close_look import NARROW, SCALE, aim
 from rover_iface.cameras.rig import CameraRig, load_cameras
 from rover_iface.errors import CameraError
 from rover_iface.placement import Decision, PlacementVerdict, Reason, SurfaceCloud, plan_placement, segment
+from rover_iface.placement.arm import Posture
 from rover_iface.placement.cloud import Array, cloud_of_points
 from rover_iface.placement.fused_check import FusedOptions, FusedSurface, fuse
 from rover_iface.placement.narrow_looks import MOST_LOOKS, NarrowLook
@@ -223,6 +224,66 @@ def test_a_place_beside_is_left_where_the_narrow_pair_does_not_know_it(k9: Rover
 
     assert placed(k9, partial(look, hole_m=0.0)).decision in (Decision.PLACE_NEAR, Decision.MOVE_BASE)
     assert placed(k9, partial(look, hole_m=0.05)).decision is Decision.REFUSE
+
+
+def test_a_narrow_pair_that_brings_nothing_leaves_no_place_beside_to_the_other_clouds(
+    k9: RoverProfile,
+) -> None:
+    first = hazcam()[0]
+    holed = first.subset(np.linalg.norm(first.points - on_top(), axis=1) > 0.015)
+    assert placed(k9, None, holed).accepted
+    assert placed(k9, lambda _: None, holed).decision is Decision.REFUSE
+
+
+def test_a_slope_near_its_limit_is_judged_by_how_well_the_narrow_pair_knows_the_normal(
+    k9: RoverProfile,
+) -> None:
+    tilt = np.radians(11.7)
+
+    def reached(_: Array, __: Array) -> Posture:
+        return Posture(np.zeros(5), float(tilt))
+
+    def look(at: Array, *, ridges_m: float) -> SurfaceCloud:
+        cloud = narrow_sheet(at)
+        toward = (MAST - at) / np.linalg.norm(MAST - at)
+        high = ridges_m * np.sin(2.0 * np.pi * (cloud.points - at)[:, 1] / 0.05)
+        return replace(cloud, points=cloud.points + high[:, None] * toward)
+
+    first, found = hazcam()
+
+    def tried(ridges_m: float) -> PlacementVerdict:
+        return plan_placement(
+            first,
+            on_top(),
+            k9,
+            limits=SafetyLimits(search_m=0.005),
+            segmentation=found,
+            arm=reached,
+            narrow=partial(look, ridges_m=ridges_m),
+        )
+
+    smooth, wavy = tried(0.0), tried(0.007)
+    assert smooth.decision is Decision.PLACE
+    assert smooth.measures is not None
+    assert np.degrees(smooth.measures.normal_sigma_rad) < 1.5
+    assert not wavy.accepted
+    assert Reason.SLOPE in [finding.reason for finding in wavy.findings]
+
+
+def test_a_place_beside_asks_for_more_certainty_of_its_slope_than_the_designated_point() -> None:
+    assert SafetyLimits().beside_sigmas > SafetyLimits().sigmas
+
+
+def test_a_drop_just_beside_the_tool_is_told(k9: RoverProfile) -> None:
+    # 16040: the tool's rim hung over a step that began 5 mm farther out than the clouds had it
+    narrow, wide = sheet(PITCH_M), sheet(0.004)
+    for points in (narrow, wide):
+        notch = (points[..., 1] > AT[1] + 0.0345) & (np.abs(points[..., 0] - AT[0]) < 0.005)
+        points[..., 2] -= np.where(notch, 0.032, 0.0)
+    found = surface(narrow, wide, k9)
+    assert found.depth_m < FusedOptions().most_depth_m
+    assert found.rim_depth_m > FusedOptions().most_rim_depth_m
+    assert found.wide_depth_m >= found.rim_depth_m
 
 
 def test_a_calm_place_is_taken_before_a_nearer_one_that_the_narrow_pair_shows_less_calm(
