@@ -14,7 +14,7 @@ from mission.instrument import Instrument
 from rover_iface.behaviour.action import Action, Doing, Outcome, Step, number
 from rover_iface.behaviour.attempt import Attempt, overlay
 from rover_iface.behaviour.base_moves import MOVES, BaseMoves
-from rover_iface.behaviour.close_look import narrow_cloud, registered
+from rover_iface.behaviour.close_look import NARROW, meant_on, narrow_cloud, registered
 from rover_iface.behaviour.driving import Driving
 from rover_iface.behaviour.following import Followed, TargetFollower
 from rover_iface.behaviour.hardware import Contact, Hardware
@@ -165,6 +165,10 @@ class ArmPlacing(Placing):
         mast = self.eyes.near(followed.target.id)
         laid = None if mast is None else mast_cloud(mast, rover_from_site, cloud)
         at = np.asarray(rover_from_site.apply(handed.update.position), dtype=np.float64)
+        pixel = self.eyes.near_pixel(followed.target.id)
+        if mast is not None and laid is not None and pixel is not None:
+            spot = meant_on(laid, mast.left_camera.transformed(rover_from_site), pixel, at)
+            at = at if spot is None else spot
         obstacles = Obstacles.of(self.hardware.profile, cloud.points)
 
         def way(point: Array, normal: Array) -> Motion | ArmRefusal:
@@ -185,7 +189,7 @@ class ArmPlacing(Placing):
             segmentation=found,
             arm=way,
             second=None if laid is None else laid.cloud,
-            narrow=narrow,
+            narrow=narrow if all(name in self.cameras.rig.cameras for name in NARROW) else None,
         )
         motion = verdict.posture if isinstance(verdict.posture, Motion) else None
         touch = None

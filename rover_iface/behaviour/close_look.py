@@ -18,7 +18,7 @@ from rover_iface.cameras.stereo import dense_stereo
 from rover_iface.errors import CameraError
 from rover_iface.frames import Transform
 from rover_iface.placement.cloud import NARROW_DISPARITY_RAD, SurfaceCloud, cloud_of_stereo
-from rover_iface.placement.cloud_alignment import align
+from rover_iface.placement.cloud_alignment import Alignment, align
 from rover_iface.vision.tracker import StereoView
 
 NARROW = ("pancam_left", "pancam_right")
@@ -34,6 +34,17 @@ NEARER_M, FARTHER_M = 0.30, 0.25
 """So far before and behind the place is searched for matches: rocks are no higher."""
 
 BLOCK_PX, LEAST_CONTRAST, STEP = 5, 1.0, 2
+
+ROUND_PX, LEAST_ROUND, MISSED_PX = 7.0, 12, 3.0
+"""Round a designated pixel of the navcams, so many of their points tell how far away it is: the cloud holds
+every second pixel, and its nearest point lies within the last."""
+
+ONE_SURFACE_M = 0.02
+"""What lies so far behind the nearest of them is another surface, which the ray passes over."""
+
+HANDED_M = 0.02
+"""How far from where it was handed off a target may be by its pixel: four times what the hand-off errs (0.9
+cm in one of twenty, docs/results/handoff.md). Farther off one of them is another spot, nobody knows which."""
 
 
 def aim(rig: CameraRig, at: Array) -> tuple[float, float, tuple[Window, Window]]:
@@ -100,3 +111,27 @@ def registered(narrow: SurfaceCloud, moved: Transform | None, to: SurfaceCloud) 
     """
     laid = align(narrow if moved is None else narrow.moved(moved, up=narrow.up), to)
     return laid.cloud if laid is not None and laid.believed() else None
+
+
+def meant_on(laid: Alignment, camera: CameraModel, pixel: Array, handed: Array) -> Array | None:
+    """Return where (3,), m, the mast's cloud, registered to the hazcams', has a designated pixel (2,) of the
+    navcams; None where it has a hole there, or that is not near where the target was `handed` off (3,), m.
+
+    `camera` is the left one of the pair that gave the cloud, as the mast's angles say, in the rover frame.
+    What the mast is off, the registration has told to a millimetre; a pixel of the hazcams, in which a
+    hand-off has the target, is three.
+    """
+    standing = camera.transformed(laid.motion)
+    points = laid.cloud.points[np.linalg.norm(laid.cloud.points - handed, axis=1) < 3.0 * HANDED_M]
+    off = np.asarray(standing.project(points)).reshape(-1, 2) - pixel
+    away = np.linalg.norm(points - standing.C, axis=1)
+    near = np.hypot(*off.T) < ROUND_PX
+    if not near.any():
+        return None
+    near &= away < away[near].min() + ONE_SURFACE_M
+    if near.sum() < LEAST_ROUND or np.hypot(*off[near].T).min() > MISSED_PX:
+        return None
+    design = np.column_stack((off[near], np.ones(int(near.sum()))))
+    origin, ray = standing.back_project(pixel)
+    place = np.asarray(origin + float(np.linalg.lstsq(design, away[near], rcond=None)[0][2]) * ray)
+    return place if float(np.linalg.norm(place - handed)) <= HANDED_M else None

@@ -38,7 +38,7 @@ class HazardEyes:
         self.answers: dict[str, Mapping[str, object]] = {}
         self._pair: tuple[Pose, Sighting] | None = None
         self._handed: dict[str, tuple[Pose, HandedOff]] = {}
-        self._near: dict[str, tuple[Pose, StereoView]] = {}
+        self._near: dict[str, tuple[Pose, StereoView, Array]] = {}
 
     def pair(self) -> Sighting:
         """Return the hazcam pair of this stop, cameras in the believed site frame.
@@ -83,6 +83,11 @@ class HazardEyes:
         known = self._near.get(target)
         return known[1] if known is not None and known[0] == self.hardware.believed else None
 
+    def near_pixel(self, target: str) -> Array | None:
+        """Return the pixel (2,) of a target in the left image of that pair, None without one."""
+        known = self._near.get(target)
+        return known[2] if known is not None and known[0] == self.hardware.believed else None
+
     def hand_off(self, followed: Followed, method: str) -> HandedOff:
         """See `Handoff` of the rover's placing; the default method is the cascade from the near navcams."""
         name, find = followed.target.id, find_handoff(method)
@@ -92,11 +97,11 @@ class HazardEyes:
             near = self.cameras.stereo(followed.update.position).view
         except (CameraError, RenderError) as err:
             raise TrackerError(f"target {name} cannot be looked at for the hand-off: {err}") from err
-        self._near[name] = (self.hardware.believed, near)
         haz = self.pair().view
         seen = None if self.found is None else self.found(name, near)
         pixel = near.left_camera.project(followed.update.position) if seen is None else seen
         pixel = np.asarray(pixel, dtype=np.float64)
+        self._near[name] = (self.hardware.believed, near, pixel)
         given = Handoff(Side(haz, 0.3), Side(near, 0.8), pixel)
         answer = find(given)
         self.answers[name] = answer.about
