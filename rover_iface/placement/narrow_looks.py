@@ -24,7 +24,7 @@ LOOK_REACH_M = 0.025
 """A look tells of places up to so far from where it was pointed: both frames hold 13 cm there, and the mast
 points to a centimetre."""
 
-MOST_LOOKS = 8
+MOST_LOOKS = 6
 """How often the narrow pair is pointed for one placement."""
 
 
@@ -153,7 +153,7 @@ class NarrowLooks:
         """
         options, sure = self.options, self._sure(surface)
         return max(
-            surface.hole_m / options.most_hole_m,
+            surface.hole_m / options.beside_hole_m,
             (surface.wide_depth_m + sure) / options.most_depth_m,
             (surface.wide_protrusion_m + sure) / options.most_protrusion_m,
             surface.rms_m / self.joint.limits.most_rms_m,
