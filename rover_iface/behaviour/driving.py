@@ -187,10 +187,11 @@ class Driving:
                 reason = trouble
                 break
             if mode == "track":
-                yield from self.follower.update_all()
-                if required and self.follower.state(name) is TrackState.FAILED:
-                    reason = f"target {name} was lost"
+                yield from self._look_at_targets()
+                reason = self._lost(name) if required else ""
+                if reason:
                     break
+                reason = "too many looks"
             self.follower.set_ranges()
             self.hardware.report()
         if not reason and heading is not None:
@@ -209,6 +210,21 @@ class Driving:
             "error_m": math.hypot(goal[0] - here.x, goal[1] - here.y),
         }
         return Outcome(not reason, reason, values)
+
+    def _look_at_targets(self) -> Generator[Step, None, None]:
+        """Look at the targets; a rover that was found elsewhere forgets what it has made of the ground."""
+        corrections = self.follower.corrections
+        yield from self.follower.update_all()
+        if self.follower.corrections != corrections:
+            self._navigator, self._watch = None, MotionWatch()
+            self._trail.clear()
+
+    def _lost(self, name: str) -> str:
+        """Return why a drive to a target cannot go on, or an empty string."""
+        state = self.follower.state(name)
+        if self.follower.pose_lost and state is not TrackState.TRACKED:
+            return f"the rover does not recognise where it stands: {self.follower.pose_lost}"
+        return f"target {name} was lost" if state is TrackState.FAILED else ""
 
     def _advance(self, way: Way, left_m: float) -> Generator[Step, None, str]:
         """Drive one way; what it touches in the last metre (mostly what it came to) it backs off."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Generator, Mapping
 from dataclasses import dataclass, replace
@@ -10,8 +11,9 @@ from typing import Protocol
 import numpy as np
 
 from executive.ports import Command
-from rover_iface.behaviour.action import Action, Outcome, Step
+from rover_iface.behaviour.action import Action, Doing, Outcome, Step
 from rover_iface.behaviour.hardware import Hardware, TrackReport
+from rover_iface.behaviour.lost_pose import LOST_M, LOST_RAD, PoseFinder, PoseFound
 from rover_iface.behaviour.mast_cameras import Sighting
 from rover_iface.behaviour.products import png, track_label
 from rover_iface.behaviour.target import DesignatedTarget
@@ -21,6 +23,9 @@ from rover_iface.localization.target_map import TargetMap
 from rover_iface.telemetry import TrackState
 from rover_iface.vision.tracker import Expects, StereoView, Tracker, TrackUpdate
 
+logger = logging.getLogger(__name__)
+MOST_LOST = 0.25
+"""Most confidence in a target of a rover that does not know where it stands."""
 VIEW_PX = 321
 """Largest side of the picture that is kept of a tracker's view."""
 NEAR_M = 2.5
@@ -60,7 +65,15 @@ class TargetFollower:
     """Follows targets with one tracker; every answer of it goes into telemetry and the engineering log.
 
     With a `cadence` a target that is tracked and far is looked at again only when the rover has come that
-    share of its range since the last look; 0 looks at every stop.
+    share of its range since the last look; 0 looks at every stop. With a `finder` it looks round for where it
+    stands when all that were in sight are lost at once.
+
+    Attributes
+    ----------
+    corrections
+        How often the pose was found to be another than dead reckoning had.
+    pose_lost
+        Why the rover does not know where it stands, empty where it does.
     """
 
     def __init__(
@@ -71,12 +84,16 @@ class TargetFollower:
         tracker: Tracker,
         *,
         cadence: float = 0.0,
+        finder: PoseFinder | None = None,
     ) -> None:
         self.hardware = hardware
         self.targets = targets
         self.eyes = eyes
         self.tracker = tracker
         self.cadence = cadence
+        self.finder = finder
+        self.corrections, self.pose_lost = 0, ""
+        self._saw = False
         self.followed: dict[str, Followed] = {}
         profile = hardware.profile
         pointing_rad = math.hypot(profile.mast.bias_rad, profile.mast.noise_rad, TILT_RAD)
@@ -154,6 +171,7 @@ class TargetFollower:
         self.followed[name] = followed
         self._see(update)
         self.tell(followed, update, sighting.left.number, begun=True)
+        yield from self._keep([followed])
         return Outcome(
             True,
             values={
@@ -190,12 +208,61 @@ class TargetFollower:
         """Update every followed target, each with its own pointing and pair of pictures; those last that
         were not seen at the last stop, as the others tell where they are.
         """
+        looked = yield from self._look_at_all()
+        if self.finder is None or not looked:
+            return
+        seen = [followed for followed in looked if _seen(followed.update)]
+        if not seen and self._saw:
+            yield from self._find_pose(self.finder)
+            seen = [followed for followed in self.alive() if _seen(followed.update)]
+        self._saw = bool(seen)
+        if seen:
+            self.pose_lost = ""
+            yield from self._keep(seen)
+
+    def _look_at_all(self) -> Doing[list[Followed]]:
+        """Look at every target that is due; gives those."""
         self.map.move(self.hardware.believed)
-        for followed in sorted(self.alive(), key=lambda one: not _seen(one.update)):
-            if not self._due(followed):
-                continue
+        looked = [followed for followed in self.alive() if self._due(followed)]
+        for followed in sorted(looked, key=lambda one: not _seen(one.update)):
             yield from self.hardware.spend("track_update")
             self._follow(followed)
+        return looked
+
+    def _keep(self, seen: list[Followed]) -> Doing[None]:
+        """Keep a pair of the nearest of the targets in sight, by which the pose is found again."""
+        self._saw = True
+        if self.finder is not None:
+            nearest = min(seen, key=lambda one: float(self.hardware.get(f"range {one.target.id}") or 0.0))
+            yield from self.finder.keep(nearest.target.id, nearest.update.position, self.map)
+
+    def _find_pose(self, finder: PoseFinder) -> Doing[None]:
+        """Look round for where the rover stands, and look at the targets again if that is elsewhere."""
+        should_know = finder.should_know
+        found = yield from finder.find()
+        if isinstance(found, PoseFound):
+            if found.contradicts(self.map):
+                told = found.off(self.hardware.believed)
+                logger.info("pose found again", extra={"t_s": self.hardware.t_s, "found": told})
+                self.map, self.corrections = found.map, self.corrections + 1
+                self.hardware.correct(found.pose)
+                yield from self._look_at_all()
+                for followed in self.alive():
+                    reasons = (*followed.update.reasons, told)
+                    self.tell(followed, replace(followed.update, reasons=reasons), None)
+        elif should_know:
+            self.pose_lost = found
+            logger.info("pose lost", extra={"t_s": self.hardware.t_s, "why": found})
+            self.map.lose(LOST_M, LOST_RAD)
+            for followed in self.alive():
+                reasons = (f"the rover does not recognise where it stands: {found}", *followed.update.reasons)
+                lost = replace(
+                    followed.update,
+                    state=TrackState.LOST,
+                    confidence=min(MOST_LOST, followed.update.confidence),
+                    reasons=reasons,
+                )
+                self.tell(followed, lost, None)
 
     def _due(self, followed: Followed) -> bool:
         here = self.hardware.believed

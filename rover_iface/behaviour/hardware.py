@@ -237,6 +237,9 @@ class Hardware(Platform, Protocol):
     def drive(self, way: Way) -> Doing[Drive]:
         """Turn and drive; telemetry has the new pose when it ends."""
 
+    def correct(self, pose: Pose) -> None:
+        """Take where the rover stands, as its pictures have it; dead reckoning goes on from there."""
+
     def look(self, look: Look) -> Sequence[Picture]:
         """Point the mast and take pictures, one per camera.
 

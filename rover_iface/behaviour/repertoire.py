@@ -14,6 +14,7 @@ from rover_iface.behaviour.following import TargetFollower
 from rover_iface.behaviour.hardware import Hardware
 from rover_iface.behaviour.hazard_eyes import HazardEyes
 from rover_iface.behaviour.imaging import Imaging
+from rover_iface.behaviour.lost_pose import PoseFinder
 from rover_iface.behaviour.mast_cameras import MastCameras
 from rover_iface.behaviour.placing import KinematicHandoff, Placing, TestedHandoff
 from rover_iface.behaviour.sight import ScannedSight, StereoSight
@@ -94,7 +95,8 @@ def subframe(hardware: Hardware, targets: Targets, tracker: str = "") -> Reperto
         wide=lambda target, point: wide.stereo(point, track=target).view,
     )
     own = make_tracker(tracker or "ncc-narrow", aids)
-    follower = TargetFollower(hardware, targets, cameras, own)
+    finder = PoseFinder(hardware, wide, MastCameras(hardware, window_px=None))
+    follower = TargetFollower(hardware, targets, cameras, own, finder=finder)
     driving = Driving(hardware, ScannedSight(hardware), follower)
     eyes = HazardEyes(hardware, wide, own.beside if isinstance(own, FindsBeside) else None)
     handoff = TestedHandoff(eyes, KinematicHandoff(hardware, cameras))
@@ -115,7 +117,8 @@ class FullRepertoire(Repertoire):
             narrow=lambda target, point: cameras.stereo(point, "pancam", track=target).view,
         )
         own = make_tracker(tracker or "sift-shape", aids)
-        follower = TargetFollower(hardware, targets, cameras, own, cadence=CADENCE)
+        finder = PoseFinder(hardware, cameras, MastCameras(hardware, window_px=None))
+        follower = TargetFollower(hardware, targets, cameras, own, cadence=CADENCE, finder=finder)
         self.sight = StereoSight(hardware, cameras)
         driving = Driving(hardware, self.sight, follower)
         placing = ArmPlacing(hardware, cameras, follower, self.eyes, driving)

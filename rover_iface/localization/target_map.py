@@ -110,6 +110,40 @@ class TargetMap:
         kept = np.eye(len(self._state)) - gain @ slope
         self._covariance = kept @ self._covariance @ kept.T + gain @ noise @ gain.T
 
+    @property
+    def rover(self) -> tuple[Array, Array]:
+        """Return the rover's place, m, and heading, rad, in the map (4,), and their covariance (4, 4)."""
+        return self._state[:4].copy(), self._covariance[:4, :4].copy()
+
+    def found(self, believed: Pose, where: Pose, covariance: Array) -> None:
+        """Take where pictures have the rover, whatever dead reckoning makes of its way since the last move.
+
+        Parameters
+        ----------
+        believed
+            Where dead reckoning has the rover now; the next way is counted from there.
+        where
+            Where it stands in the believed site frame as that was at the last move.
+        covariance
+            (4, 4) of that place, m, and heading, rad, relative to the last move.
+        """
+        before = self._here()
+        heading = float(self._state[3])
+        step = np.array((where.x - before.x, where.y - before.y, where.z - before.z))
+        into_map = np.eye(4)
+        into_map[:3, :3] = _turn(heading - before.heading)
+        change = np.eye(len(self._state))
+        change[:3, 3] = _turn_by(heading - before.heading) @ step
+        self._state[:3] += into_map[:3, :3] @ step
+        self._state[3] += wrap_angle(where.heading - before.heading)
+        self._covariance = change @ self._covariance @ change.T
+        self._covariance[:4, :4] += into_map @ covariance @ into_map.T
+        self._at = believed
+
+    def lose(self, place_m: float, turn_rad: float) -> None:
+        """Take that the rover may stand elsewhere and be turned, by so much (one standard deviation each)."""
+        self._covariance[:4, :4] += np.diag([place_m**2, place_m**2, 0.0, turn_rad**2])
+
     def place(self, target: str) -> tuple[Array, Array]:
         """Return where a target should be seen from here (3,), m, and the covariance (3, 3), m^2, of that.
 

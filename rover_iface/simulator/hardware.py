@@ -155,6 +155,10 @@ class SimulatedHardware:
         self.tell_pose()
         return Drive(driven.collision, driven.stuck)
 
+    def correct(self, pose: Pose) -> None:
+        self.body.chassis.believed = pose
+        self.tell_pose()
+
     def tell_pose(self) -> None:
         """Put the believed pose and the tilt into telemetry, and both poses into the truth's odometry."""
         self.host.set_pose(self.body.believed)

@@ -49,7 +49,7 @@ DISPARITY_PX = 0.2
 """Error of such a disparity."""
 OWN_SEARCH_PX, OWN_CONTEXT_PX, OWN_SCORE, OWN_ACROSS_PX = 5, 25, 0.8, 1.0
 """Search for the target's own patch, the window over which its places are compared, the least correlation,
-and how far off the line on which its range may move it: what moved with the light lies off that as easily."""
+and how far off the line on which its range may move it: what moved with the light mostly does not."""
 OWN_PX, OWN_SIGMAS = 0.5, 3.0
 """Error of its place along that line (13 such on tuning seeds 0 to 7 of the draped domain were 0.34 px off,
 rms), and the deviations that it may differ from what the ranges say."""

@@ -1,0 +1,200 @@
+"""Where the rover stands, once it sees nothing of what it followed: it looks round for what it knows.
+
+Dead reckoning does not know of a turn on a loose stone, and a tracker looks where that tells it to. So while
+targets are in sight a pair is kept now and then, with the map of that moment. When all are lost at once the
+mast looks at what was last known, and to either side of it if nothing is recognised there; each picture takes
+its time and energy. The engine is that of `rover_iface.vision.reacquisition`.
+
+A pose is believed over the map's if a target is found by it, ranged where it should be, or if two kept pairs
+agree on it. One that no pair tells is told as lost, and the map knows its targets as poorly as that leaves
+them.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections import deque
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rover_iface.behaviour.action import Doing
+from rover_iface.behaviour.hardware import Hardware
+from rover_iface.behaviour.mast_cameras import MastCameras
+from rover_iface.cameras.model import Array
+from rover_iface.errors import CameraError, RenderError, TrackerError
+from rover_iface.frames import Pose, wrap_angle
+from rover_iface.localization.target_map import TargetMap
+from rover_iface.vision.reacquisition import KnownPair, Reacquired, ReacquisitionOptions, searched
+from rover_iface.vision.sift_motion import Motion, cross
+from rover_iface.vision.tracker import StereoView
+
+LIMITS = ReacquisitionOptions()
+LOST_M, LOST_RAD = 0.5 * LIMITS.lost_m, 0.5 * LIMITS.lost_rad
+"""What a rover may be off that recognises nothing, one standard deviation: the engine finds two of them."""
+KEPT, ASKED = 4, 2
+"""Pairs that are kept, and how many of them are asked, the latest first: two can agree."""
+KEEP_SHARE, KEEP_M = 0.3, 0.5
+"""How far the rover goes until another pair is kept, as a share of the target's range, and at least: the
+engine was measured over a tenth of the range and a metre aside."""
+NEAR_M = 1.5
+"""How far it may have come from a pair that should be recognised: a step of 0.25 to 0.8 m, and a metre."""
+AGREED_M, AGREED_RAD = 0.1, math.radians(1.0)
+"""How far apart poses of two pairs may be: three deviations of what a pair errs at 8 m."""
+CONTRADICTS = 18.47
+"""Squared distance, in deviations, from the map's pose, over which that is not believed: 99.9 % of chi square
+with four degrees of freedom."""
+
+
+@dataclass(frozen=True, eq=False)
+class KeptStop:
+    """A stop at which a target was in sight: its place (3,), believed site frame, m, and what was known then.
+
+    `known` is the pair with the target in it, `travelled_m` the reading of the odometer.
+    """
+
+    target: str
+    point: Array
+    known: KnownPair
+    pose: Pose
+    map: TargetMap
+    travelled_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class PoseFound:
+    """Where pictures have the rover.
+
+    Attributes
+    ----------
+    pose
+        In the site frame as it was believed at `stop`.
+    covariance
+        (4, 4) of place, m, and heading, rad, relative to that stop.
+    map
+        That of the stop, with the rover there.
+    """
+
+    pose: Pose
+    covariance: Array
+    map: TargetMap
+    stop: KeptStop
+    features: int
+    agreeing: int
+
+    def off(self, believed: Pose) -> str:
+        """Return in words how far a pose was off."""
+        far = math.hypot(self.pose.x - believed.x, self.pose.y - believed.y)
+        turn = math.degrees(abs(wrap_angle(self.pose.heading - believed.heading)))
+        told = f"{self.agreeing} patches and {self.features} features of a pair kept"
+        return f"the rover stands {far:.2f} m and {turn:.1f} degrees from where it believed, by {told}"
+
+    def contradicts(self, other: TargetMap) -> bool:
+        """Return whether a map has the rover elsewhere than the pictures have it."""
+        (here, ours), (there, theirs) = self.map.rover, other.rover
+        gap = here - there
+        gap[3] = wrap_angle(float(gap[3]))
+        return float(gap @ np.linalg.solve(ours + theirs, gap)) > CONTRADICTS
+
+
+class PoseFinder:
+    """Keeps pairs of stops, and finds the rover's pose by them.
+
+    Parameters
+    ----------
+    near
+        Takes the pair that is kept; its frames hold a target and what lies a metre round it.
+    whole
+        Takes whole frames, in which it is looked for.
+    """
+
+    def __init__(self, hardware: Hardware, near: MastCameras, whole: MastCameras) -> None:
+        self.hardware, self.near, self.whole = hardware, near, whole
+        self._stops: deque[KeptStop] = deque(maxlen=KEPT)
+        self._seen: list[StereoView] = []
+
+    def keep(self, target: str, point: Array, known: TargetMap) -> Doing[None]:
+        """Keep a pair of a target (3,), m, that is in sight, if the last one was taken too far from here."""
+        here, travelled_m = self.hardware.believed, self.hardware.travelled_m
+        away = math.hypot(point[0] - here.x, point[1] - here.y)
+        if self._stops and travelled_m - self._stops[-1].travelled_m < max(KEEP_M, KEEP_SHARE * away):
+            return
+        view = yield from self._taken(self.near, point)
+        if view is not None:
+            known = copy.deepcopy(known)
+            self._stops.append(KeptStop(target, point, KnownPair(view, LIMITS), here, known, travelled_m))
+
+    @property
+    def should_know(self) -> bool:
+        """Return whether a pair is kept that was taken so near that it must be recognised."""
+        return bool(self._stops) and self.hardware.travelled_m - self._stops[-1].travelled_m <= NEAR_M
+
+    def find(self) -> Doing[PoseFound | str]:
+        """Look for where the rover stands; gives that, or in words why it is not known."""
+        poses: list[PoseFound] = []
+        why = "no pair was kept"
+        self._seen = []
+        for stop in list(reversed(self._stops))[:ASKED]:
+            answer = yield from self._searched(stop)
+            if answer.motion is None:
+                why = answer.reasons[0]
+                continue
+            pose = self._pose(stop, answer, answer.motion)
+            if answer.accepted or any(_agree(pose.pose, other.pose) for other in poses):
+                return pose
+            poses.append(pose)
+            why = f"one pair alone tells a pose, and not its target: {answer.reasons[0]}"
+        return why
+
+    def _searched(self, stop: KeptStop) -> Doing[Reacquired]:
+        search = searched(stop.known, stop.point)
+        asked = next(search)
+        while True:
+            view = next((taken for taken in self._seen if _in_the_middle(taken, asked)), None)
+            if view is None:
+                view = yield from self._taken(self.whole, asked)
+                self._seen += [] if view is None else [view]
+            try:
+                asked = search.send(view)
+            except StopIteration as ended:
+                found: Reacquired = ended.value
+                return found
+
+    def _taken(self, cameras: MastCameras, point: Array) -> Doing[StereoView | None]:
+        """Take a pair towards a believed point (3,), m; none where that cannot be."""
+        yield from self.hardware.spend("track_update")
+        try:
+            return cameras.stereo(point).view
+        except (CameraError, RenderError, TrackerError):
+            return None
+
+    def _pose(self, stop: KeptStop, answer: Reacquired, motion: Motion) -> PoseFound:
+        """Return where the rover stands; roll and pitch are those of the inertial unit."""
+        here = self.hardware.believed
+        back = motion.new_from_old.inverse()
+        x, y, z = (float(v) for v in back.apply((here.x, here.y, here.z)))
+        yaw = math.atan2(back.rotation[1, 0] - back.rotation[0, 1], back.rotation[0, 0] + back.rotation[1, 1])
+        pose = replace(here, x=x, y=y, z=z, heading=wrap_angle(here.heading + float(yaw)))
+        arm = np.array((here.x, here.y, here.z)) - motion.centre
+        slope = np.zeros((4, 6))
+        slope[:3, :3], slope[:3, 3:], slope[3, 2] = -cross(arm), np.eye(3), 1.0
+        turned = np.eye(4)
+        turned[:3, :3] = back.rotation
+        slope = turned @ slope
+        covariance = slope @ motion.covariance @ slope.T
+        # the mast was off by itself in both pictures
+        covariance[3, 3] += 2.0 * stop.map.pointing_rad**2
+        known = copy.deepcopy(stop.map)
+        known.found(pose, pose, covariance)
+        return PoseFound(pose, covariance, known, stop, answer.features, answer.agreeing)
+
+
+def _in_the_middle(view: StereoView, point: Array) -> bool:
+    """Return whether a pair has a point (3,), m, in the middle half of its left picture."""
+    return view.shows(np.asarray(view.left_camera.project(point)), 0.25 * min(view.left.shape))
+
+
+def _agree(one: Pose, other: Pose) -> bool:
+    apart = math.dist((one.x, one.y, one.z), (other.x, other.y, other.z))
+    return apart < AGREED_M and abs(wrap_angle(one.heading - other.heading)) < AGREED_RAD

@@ -1,0 +1,88 @@
+"""A rover that stands elsewhere than it knows: it looks round, and believes what several agree on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from rover_iface.behaviour.action import Doing
+from rover_iface.behaviour.hardware import Look, Picture
+from rover_iface.behaviour.mast_cameras import SUBFRAME_PX
+from rover_iface.contract import write_contract_world
+from rover_iface.simulator.subframe_rover import make_rover
+from rover_iface.simulator.terrain_rover import TerrainRover
+from tests.rover_iface.test_subframe_rover import do
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_contract_world(tmp_path_factory.mktemp("world"))
+
+
+def on_the_way(world: Path) -> TerrainRover:
+    """Return a rover that has begun to drive to its target, which it follows."""
+    rover = make_rover(world, seed=4)
+    assert do(rover, "trackstart", target="T1").success
+    x, y = rover.body.targets["T1"].point[:2]
+    assert do(rover, "navigate", x=0.3 * x, y=0.3 * y, mode="track").success
+    assert rover.get("trackerstate T1") == "tracked"
+    return rover
+
+
+def moved(rover: TerrainRover, east_m: float, north_m: float, turn_deg: float) -> None:
+    """Put a rover elsewhere without its knowing."""
+    chassis = rover.body.chassis
+    here = chassis.pose
+    chassis.pose = chassis._settled(here.x + east_m, here.y + north_m, here.heading + math.radians(turn_deg))
+
+
+def test_a_rover_whose_heading_jumped_finds_its_target_and_places(world: Path) -> None:
+    rover = on_the_way(world)
+    moved(rover, 0.2, -0.2, 15.0)
+    drive = do(rover, "navigate", target="T1", mode="track", require_tracked=True)
+    assert drive.success, drive.reason
+    told = [
+        why for record in rover.truth.history for why in record.reasons if "from where it believed" in why
+    ]
+    assert len(told) == 1
+    heading = rover.body.pose.heading - rover.body.believed.heading
+    assert abs(math.degrees(math.remainder(heading, math.tau))) < 2.0
+    placed = do(rover, "ipplaceinstrument", target="T1")
+    assert placed.values["made"] is True, placed.reason
+    assert float(placed.values["placement_error_m"]) < 0.02
+
+
+def test_a_rover_that_recognises_nothing_says_so_and_claims_nothing(
+    world: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rover = on_the_way(world)
+    moved(rover, -0.5, 0.5, 100.0)
+    spend, look = rover.hardware.spend, rover.hardware.look
+    spent, looked = list[str](), list[Look]()
+
+    def noted(activity: str, share: float = 1.0) -> Doing[float]:
+        spent.append(activity)
+        return (yield from spend(activity, share))
+
+    def seen(wanted: Look) -> Sequence[Picture]:
+        looked.append(wanted)
+        return look(wanted)
+
+    monkeypatch.setattr(rover.hardware, "spend", noted)
+    monkeypatch.setattr(rover.hardware, "look", seen)
+    drive = do(rover, "navigate", target="T1", mode="track", require_tracked=True)
+    assert not drive.success
+    assert "where it stands" in drive.reason
+    assert rover.get("trackerstate T1") != "tracked"
+    whole = [one for one in looked if one.windows[0][2] > 1000]
+    assert 3 <= len(whole) <= 6
+    assert max(one.pan_rad for one in whole) - min(one.pan_rad for one in whole) > math.radians(60.0)
+    # each of the tracker's subframes and each whole frame takes its time and energy
+    subframes = [one for one in looked if one.windows[0][2] == SUBFRAME_PX]
+    assert spent.count("track_update") == len(whole) + len(subframes)
+    placed = do(rover, "ipplaceinstrument", target="T1")
+    assert placed.values.get("made") is not True
+    assert "T1" not in rover.truth.touched
