@@ -14,18 +14,20 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from planner.path_network.shortest_routes import IntArray
 from planner.path_network.values import FloatArray
-from planner.path_network.visibility_graph import IntArray
+
+_EPS_M = 1e-9  # what rounding may add to a straight distance is far less
 
 
 def greedy_spanner(
-    nodes: int, edges: IntArray, length_m: FloatArray, stretch: float
+    xy: FloatArray, edges: IntArray, length_m: FloatArray, stretch: float
 ) -> npt.NDArray[np.bool_]:
     """Return which edges [m] a greedy `1 + stretch` spanner keeps.
 
-    `edges` [m, 2] are pairs of node numbers below `nodes`, `length_m` [m] their lengths, m. They are taken by
-    length, ties by index; one is kept unless the kept ones join its ends by a route of at most `1 + stretch`
-    times its length (Althofer et al. 1993).
+    `edges` [m, 2] are pairs of the nodes `xy` [n, 2], site frame, m, `length_m` [m] their lengths, m, at
+    least the straight distance. They are taken by length, ties by index; one is kept unless the kept ones
+    join its ends by a route of at most `1 + stretch` times its length (Althofer et al. 1993).
     """
     keep = np.zeros(len(edges), dtype=bool)
     if stretch <= 0:
@@ -33,8 +35,9 @@ def greedy_spanner(
         return keep
     ends = np.concatenate([edges, edges[:, ::-1]])
     order = np.argsort(ends[:, 0], kind="stable")
-    begin = np.searchsorted(ends[order, 0], np.arange(nodes + 1))
+    begin = np.searchsorted(ends[order, 0], np.arange(len(xy) + 1))
     _keep(
+        xy,
         edges,
         length_m,
         1.0 + stretch,
@@ -47,6 +50,7 @@ def greedy_spanner(
 
 @numba.njit(cache=True, nogil=True)
 def _keep(  # pragma: no cover - compiled
+    xy: FloatArray,
     edges: IntArray,
     length_m: FloatArray,
     most: float,
@@ -64,16 +68,19 @@ def _keep(  # pragma: no cover - compiled
         a, b, limit = edges[e, 0], edges[e, 1], most * length_m[e]
         best[a] = 0.0
         reached, queue, joined = [a], [(0.0, a)], False
-        while queue:  # Dijkstra that stops at the limit
+        while queue:  # Dijkstra that leaves out what cannot come to the end within the limit
             d, v = heapq.heappop(queue)
             if v == b:
-                joined = True
+                joined = d <= limit
                 break
             if d > best[v]:
                 continue
             for k in range(begin[v], begin[v + 1]):
                 onward = d + length_m[by[k]]
-                if keep[by[k]] and onward <= limit and onward < best[there[k]]:
+                if not keep[by[k]] or onward >= best[there[k]]:
+                    continue
+                left = np.hypot(xy[there[k], 0] - xy[b, 0], xy[there[k], 1] - xy[b, 1])
+                if onward + left <= limit + _EPS_M:
                     best[there[k]] = onward
                     reached.append(there[k])
                     heapq.heappush(queue, (onward, there[k]))

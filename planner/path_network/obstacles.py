@@ -16,7 +16,7 @@ from shapely.geometry.base import BaseGeometry
 from mission import KeepOut, Pose, TerrainGrid
 from planner.errors import NetworkError
 from planner.path_network.hazards import hazard_polygons
-from planner.path_network.sight import Discs
+from planner.path_network.sight import Outline
 from planner.path_network.values import (
     START,
     FloatArray,
@@ -25,7 +25,7 @@ from planner.path_network.values import (
 
 _ARC = 4  # segments to a quarter circle of clearance
 _FINE, _COARSE = (8, 0.25), (3, 1.0)  # segments, and part of `outward_m`, of outlines that are made simpler
-_MOST_FINE = 12_000  # corners; by hand: on a map of 1 km with 2,000 hazards fine outlines take 20 s
+_MOST_FINE = 12_000  # corners; by hand: fine outlines of 2,000 hazards would have 100,000
 _SHRINK_M = 1e-6  # a segment along an obstacle's edge is free, one through its inside is not
 _HAIR_M = 1e-5  # a segment along an opening's edge is free
 _SLIVER_M = 1e-4  # corners nearer than this to a straight edge only slow the search down
@@ -50,8 +50,8 @@ class Obstacles:
         The part of `hard` that was found in the heights.
     openings
         Ground inside `blocked` that the drives to and from a place (east, north) may use.
-    discs
-        A part of `blocked` in which many segments are found quickly.
+    outline
+        Of `blocked`: stops many segments quickly.
     """
 
     hard: tuple[Polygon, ...]
@@ -59,7 +59,7 @@ class Obstacles:
     blocked: BaseGeometry
     hazards: tuple[Polygon, ...]
     openings: Mapping[tuple[float, float], BaseGeometry]
-    discs: Discs
+    outline: Outline
 
     def free(self, lines: npt.NDArray[np.object_], *places: tuple[float, float]) -> npt.NDArray[np.bool_]:
         """Return which straight lines [n] (shapely, site frame, m) may be driven on the way to or from these
@@ -233,10 +233,11 @@ def build_obstacles(request: NetworkRequest, keep_outs: tuple[Polygon, ...]) -> 
         *("a hazard in the terrain" for _ in hazards),
     )
     if not hard:
-        return Obstacles((), (), Polygon(), (), {}, Discs((), 0.0)), notes
+        return Obstacles((), (), Polygon(), (), {}, Outline(Polygon())), notes
     blocked = _with_clearance(hard, rover.clearance_m, 0.0, _ARC)
-    if shapely.get_num_coordinates(blocked) > 2 * options.maximum_corners:
-        for arc, share in (_FINE, _COARSE):
+    corners = shapely.get_num_coordinates(blocked)
+    if corners > 2 * options.maximum_corners:
+        for arc, share in (_FINE, _COARSE) if corners <= 2 * _MOST_FINE else (_COARSE,):
             blocked = _with_clearance(hard, rover.clearance_m, share * options.outward_m, arc)
             if shapely.get_num_coordinates(blocked) <= _MOST_FINE:
                 break
@@ -247,8 +248,8 @@ def build_obstacles(request: NetworkRequest, keep_outs: tuple[Polygon, ...]) -> 
         opening = _opening(hard, tree, blocked, pose, rover.clearance_m)
         if opening is not None:
             openings[pose.east_m, pose.north_m] = opening
-    discs = Discs(hard, rover.clearance_m)
-    return Obstacles(tuple(hard), names, blocked, tuple(hazards), openings, discs), notes
+    outline = Outline(_shrunk(blocked))
+    return Obstacles(tuple(hard), names, blocked, tuple(hazards), openings, outline), notes
 
 
 def _with_clearance(
@@ -263,7 +264,8 @@ def _with_clearance(
     round_up = _LOST / math.cos(0.75 * math.pi / (2 * arc))
     margin = (clearance_m + 2 * outward_m) * round_up + 2 * _SLIVER_M
     grown = shapely.buffer(np.array(hard, dtype=object), margin, quad_segs=arc)
-    return shapely.simplify(shapely.union_all(grown), _SLIVER_M + outward_m)
+    # Most obstacles meet none or few: united group by group, 2,000 take a tenth of the time.
+    return shapely.simplify(shapely.disjoint_subset_union_all(grown), _SLIVER_M + outward_m)
 
 
 def _opening(
@@ -286,13 +288,8 @@ def _opening(
 
 def clear_of(blocked: BaseGeometry, lines: Any) -> npt.NDArray[np.bool_]:
     """Return which straight lines (an array of shapely's) stay outside `blocked` or on its edge."""
-    body = shapely.buffer(blocked, -_SHRINK_M, join_style="mitre")
-    return ~_hits(body, np.asarray(lines))
-
-
-def _hits(body: BaseGeometry, lines: npt.NDArray[np.object_]) -> npt.NDArray[np.bool_]:
-    """Return which lines meet the body: a tree over its parts finds the few that each line may meet."""
-    parts = shapely.get_parts(body)
+    lines = np.asarray(lines)
+    parts = shapely.get_parts(_shrunk(blocked))
     hit = np.zeros(len(lines), dtype=bool)
     shapely.prepare(parts)
     tree = shapely.STRtree(lines)
@@ -302,7 +299,12 @@ def _hits(body: BaseGeometry, lines: npt.NDArray[np.object_]) -> npt.NDArray[np.
         found = found[~hit[found]]
         if found.size:
             hit[found] = shapely.intersects(part, lines[found])
-    return hit
+    return ~hit
+
+
+def _shrunk(blocked: BaseGeometry) -> BaseGeometry:
+    """Return the inside of blocked ground: a segment along its edge does not meet it."""
+    return shapely.buffer(blocked, -_SHRINK_M, join_style="mitre")
 
 
 def place_reason(obstacles: Obstacles, east_m: float, north_m: float) -> str | None:

@@ -1,13 +1,11 @@
-"""Segments that obstacles surely close, found on a grid before exact geometry is asked.
+"""Segments that the outline of blocked ground stops, found on a grid.
 
-What lies nearer to a point of an obstacle than the clearance is blocked. So a segment is closed where it
-passes through a disc round one of the points along the outlines. The discs are noted in the cells that they
-touch, and a segment asks those of the cells that it passes (Amanatides and Woo 1987), until one stops it.
+A segment between two points outside passes through the inside exactly where it crosses the outline. The
+outline's pieces are noted in the cells that they touch, and a segment asks those of the cells that it passes
+(Amanatides and Woo 1987), until one stops it.
 """
 
 from __future__ import annotations
-
-from collections.abc import Sequence
 
 import numba
 import numpy as np
@@ -20,93 +18,100 @@ from planner.path_network.values import FloatArray
 IntArray = npt.NDArray[np.int64]
 
 CELL_M = 4.0
-"""Of the grid. By hand: a rock's outline is in one or two cells."""
-
-INSIDE = 0.98
-"""Part of the clearance that a disc has: what it stops is stopped by the exact geometry too."""
+"""Of the grid, and of the outline's pieces at most. By hand: a rock's outline is in one or two cells."""
 
 MOST_CELLS = 4_000_000
 """Cells become larger on maps that would have more: 8 km across with the usual ones."""
 
+_HAIR_M = 1e-6  # pieces so near to a cell count as in it: what rounding may move a crossing is far less
 
-class Discs:
-    """Discs that lie wholly in the margins of obstacles.
+
+class Outline:
+    """The outline of blocked ground.
 
     Parameters
     ----------
-    bodies
-        The obstacles without their margins, site frame, m.
-    clearance_m
-        What the margins are at least; with 0 no segment is closed by this.
+    ground
+        Polygons, site frame, m. May be empty.
     """
 
-    def __init__(self, bodies: Sequence[BaseGeometry], clearance_m: float) -> None:
-        self.radius_m = INSIDE * clearance_m
-        self._some = bool(bodies) and self.radius_m > 0.0
+    def __init__(self, ground: BaseGeometry) -> None:
+        self._some = not ground.is_empty
         if not self._some:
             return
-        outlines = shapely.segmentize(np.array(bodies, dtype=object), self.radius_m)
-        self._xy = np.unique(shapely.get_coordinates(outlines), axis=0)
-        self._low = self._xy.min(axis=0) - self.radius_m
-        size = self._xy.max(axis=0) + self.radius_m - self._low
+        west, south, east, north = ground.bounds
+        self._low = np.array([west, south]) - _HAIR_M
+        size = np.array([east, north]) + _HAIR_M - self._low
         self._cell_m = max(CELL_M, float(np.sqrt(size.prod() / MOST_CELLS)))
         self._shape = np.maximum(1, np.ceil(size / self._cell_m).astype(np.int64))
-        reach = self.radius_m * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
-        corner = (self._xy[:, None] + reach - self._low) // self._cell_m
-        inside = np.clip(corner.astype(np.int64), 0, self._shape - 1)
-        cell = np.sort(inside[..., 0] * self._shape[1] + inside[..., 1], axis=1)
+        rings = shapely.get_rings(shapely.get_parts(shapely.segmentize(ground, self._cell_m)))
+        xy, ring = shapely.get_coordinates(rings, return_index=True)
+        same = np.flatnonzero(ring[1:] == ring[:-1])
+        self._piece = np.stack([xy[same], xy[same + 1]], axis=1) - self._low
+        # No piece is longer than a cell, so it touches none but those of the corners of its box.
+        west_south = self._piece.min(axis=1) - _HAIR_M
+        east_north = self._piece.max(axis=1) + _HAIR_M
+        box = np.stack([west_south, east_north], axis=1) // self._cell_m
+        box = np.clip(box.astype(np.int64), 0, self._shape - 1)
+        cell = box[:, [0, 0, 1, 1], 0] * self._shape[1] + box[:, [0, 1, 0, 1], 1]
         new = np.ones(cell.shape, dtype=bool)
-        new[:, 1:] = cell[:, 1:] != cell[:, :-1]
-        disc = np.broadcast_to(np.arange(len(cell))[:, None], cell.shape)[new]
+        new[:, 1] = box[:, 0, 1] != box[:, 1, 1]
+        new[:, 2] = box[:, 0, 0] != box[:, 1, 0]
+        new[:, 3] = new[:, 1] & new[:, 2]
+        piece = np.broadcast_to(np.arange(len(cell))[:, None], cell.shape)[new]
         order = np.argsort(cell[new], kind="stable")
-        self._disc = disc[order]
+        self._number = piece[order]
         self._begin = np.searchsorted(cell[new][order], np.arange(self._shape.prod() + 1))
 
-    def close(self, first: FloatArray, second: FloatArray) -> npt.NDArray[np.bool_]:
-        """Return which segments [n] between two points, shapes (n, 2), site frame, m, a disc closes."""
+    def stops(self, first: FloatArray, second: FloatArray) -> npt.NDArray[np.bool_]:
+        """Return which segments [n] between two points, shapes (n, 2), site frame, m, meet the outline."""
         if not self._some or not len(first):
             return np.zeros(len(first), dtype=bool)
         return np.asarray(
-            _closed(
+            _stopped(
                 first - self._low,
                 second - self._low,
-                self._xy - self._low,
-                self.radius_m,
                 self._cell_m,
                 self._shape,
-                self._disc,
+                self._piece,
+                self._number,
                 self._begin,
             )
         )
 
 
 @numba.njit(cache=True, nogil=True)
-def _meets(  # pragma: no cover - compiled
-    ax: float, ay: float, bx: float, by: float, x: float, y: float, radius: float
-) -> bool:
-    """Return whether a point is nearer to the segment from a to b than the radius."""
-    along_x, along_y = bx - ax, by - ay
-    square = along_x * along_x + along_y * along_y
-    share = 0.0 if square == 0.0 else ((x - ax) * along_x + (y - ay) * along_y) / square
-    share = min(1.0, max(0.0, share))
-    east, north = ax + share * along_x - x, ay + share * along_y - y
-    return east * east + north * north < radius * radius
+def _beside(ax: float, ay: float, bx: float, by: float, px: float, py: float) -> float:
+    """Return on which side of the line from a to b a point lies: positive on the left."""
+    return (bx - ax) * (py - ay) - (by - ay) * (px - ax)
 
 
 @numba.njit(cache=True, nogil=True)
-def _closed(  # pragma: no cover - compiled
+def _meets(ax: float, ay: float, bx: float, by: float, piece: FloatArray) -> bool:
+    """Return whether the segment from a to b meets a piece, shape (2, 2)."""
+    px, py, qx, qy = piece[0, 0], piece[0, 1], piece[1, 0], piece[1, 1]
+    if max(px, qx) < min(ax, bx) or min(px, qx) > max(ax, bx):
+        return False
+    if max(py, qy) < min(ay, by) or min(py, qy) > max(ay, by):
+        return False
+    if _beside(ax, ay, bx, by, px, py) * _beside(ax, ay, bx, by, qx, qy) > 0.0:
+        return False
+    return _beside(px, py, qx, qy, ax, ay) * _beside(px, py, qx, qy, bx, by) <= 0.0
+
+
+@numba.njit(cache=True, nogil=True)
+def _stopped(
     first: FloatArray,
     second: FloatArray,
-    xy: FloatArray,
-    radius: float,
     cell: float,
     shape: IntArray,
-    disc: IntArray,
+    piece: FloatArray,
+    number: IntArray,
     begin: IntArray,
 ) -> npt.NDArray[np.bool_]:
-    """Return which segments meet a disc; all in metres from the south-western corner of the grid.
+    """Return which segments meet a piece; all in metres from the south-western corner of the grid.
 
-    `disc` holds the numbers of the discs of the cells, those of cell c from `begin[c]` on.
+    `number` holds the numbers of the pieces of the cells, those of cell c from `begin[c]` on.
     """
     found = np.zeros(len(first), np.bool_)
     for k in range(len(first)):
@@ -123,7 +128,7 @@ def _closed(  # pragma: no cover - compiled
             if 0 <= i < shape[0] and 0 <= j < shape[1]:
                 at = i * shape[1] + j
                 for d in range(begin[at], begin[at + 1]):
-                    if _meets(ax, ay, bx, by, xy[disc[d], 0], xy[disc[d], 1], radius):
+                    if _meets(ax, ay, bx, by, piece[number[d]]):
                         found[k] = True
                         break
             if found[k]:

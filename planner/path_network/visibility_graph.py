@@ -1,4 +1,4 @@
-"""Straight segments that see each other past obstacles, and the shortest routes along them.
+"""Straight segments that see each other past obstacles.
 
 Nodes are the places and the convex corners of the obstacles. A shortest route bends only at such corners,
 and only so that it hugs them, so a segment is kept when it is tangent at every corner that it ends in
@@ -18,21 +18,12 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from planner.path_network.near_pairs import hugs, near_pairs, tangent_pairs
 from planner.path_network.obstacles import Obstacles, clear_of, ring_corners
+from planner.path_network.shortest_routes import EVERYBODY, IntArray, ShortestRoutes
 from planner.path_network.values import FloatArray
 
-IntArray = npt.NDArray[np.int64]
-
 _EPS = 1e-9
-EVERYBODY = -1
-"""Owner of a node that every route may pass."""
-
-SECTORS, NEAREST, LOOKED_AT = 12, 3, 400
-"""Directions in which near corners are looked for, corners in each, and neighbours that they come from. By
-hand: 36 segments to be looked at from a corner, of about 25 obstacles round it."""
-
-PIECE_M = 40.0
-"""Longer segments are looked at piece by piece: the box round a long slanting one holds half the map."""
 
 OPEN_GROUND_M = 20.0
 """Without an edge of the map, ground so far round everything is looked at."""
@@ -91,16 +82,10 @@ def _hugging(
     xy: FloatArray, before: FloatArray, after: FloatArray, first: IntArray, second: IntArray
 ) -> npt.NDArray[np.bool_]:
     """Return which segments pass by the corners in which they end, on one side of both their edges."""
-    good = np.ones(len(first), np.bool_)
+    good = np.empty(len(first), np.bool_)
     for k in range(len(first)):
-        for end, other in ((first[k], second[k]), (second[k], first[k])):
-            if np.isnan(before[end, 0]):
-                continue
-            along_x, along_y = xy[other, 0] - xy[end, 0], xy[other, 1] - xy[end, 1]
-            one = along_x * (before[end, 1] - xy[end, 1]) - along_y * (before[end, 0] - xy[end, 0])
-            two = along_x * (after[end, 1] - xy[end, 1]) - along_y * (after[end, 0] - xy[end, 0])
-            if one * two < -_EPS:
-                good[k] = False
+        a, b = first[k], second[k]
+        good[k] = hugs(xy, before, after, a, b) and hugs(xy, before, after, b, a)
     return good
 
 
@@ -125,16 +110,13 @@ def build_visibility_graph(
     everybody = np.flatnonzero(owner == EVERYBODY)
     if len(corners[0]) <= most_corners:
         a, b = np.triu_indices(len(everybody), 1)
-        first, second = everybody[a], everybody[b]
-        kept = nodes.tangent(first, second)
+        kept = nodes.tangent(everybody[a], everybody[b])
+        first, second = everybody[a[kept]], everybody[b[kept]]
     else:
         nodes, owner, safe = _with_triangles(nodes, owner, obstacles, bounds_m)
-        first, second = _near_pairs(nodes, everybody)
-        kept = np.ones(len(first), dtype=bool)
-    first, second = first[kept], second[kept]
-    if not obstacles.blocked.is_empty and len(first):
-        first, second = _seen(nodes, first, second, obstacles)
-    edges = np.stack([first, second], axis=1).astype(np.int64)
+        found = near_pairs(nodes.xy[everybody], nodes.before[everybody], nodes.after[everybody])
+        first, second = everybody[_distinct(found, len(everybody))].T
+    edges = _seen(nodes, np.stack([first, second], axis=1).astype(np.int64), obstacles)
     if len(corners[0]) > most_corners:
         edges = _distinct(np.concatenate([edges, safe]), len(nodes.xy))
     if narrow:
@@ -146,20 +128,9 @@ def build_visibility_graph(
     return graph
 
 
-def _seen(
-    nodes: _Nodes, first: IntArray, second: IntArray, obstacles: Obstacles
-) -> tuple[IntArray, IntArray]:
-    """Return the pairs of nodes that see each other."""
-    open_ = ~obstacles.discs.close(nodes.xy[first], nodes.xy[second])
-    first, second = first[open_], second[open_]
-    begin, way = nodes.xy[first], nodes.xy[second] - nodes.xy[first]
-    count = np.maximum(1, np.ceil(np.hypot(*way.T) / PIECE_M).astype(np.int64))
-    of = np.repeat(np.arange(len(first)), count)
-    step = (np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count))[:, None]
-    ends = [begin[of] + (step + k) / count[of, None] * way[of] for k in (0, 1)]
-    free = clear_of(obstacles.blocked, shapely.linestrings(np.stack(ends, axis=1)))
-    seen = np.bincount(of, ~free, minlength=len(first)) == 0
-    return first[seen], second[seen]
+def _seen(nodes: _Nodes, pairs: IntArray, obstacles: Obstacles) -> IntArray:
+    """Return the pairs (p, 2) of nodes that see each other."""
+    return np.asarray(pairs[~obstacles.outline.stops(nodes.xy[pairs[:, 0]], nodes.xy[pairs[:, 1]])])
 
 
 def _convex(
@@ -305,124 +276,15 @@ def _distinct(pairs: IntArray, nodes: int) -> IntArray:
     return np.stack(np.divmod(np.unique(low * nodes + high), nodes), axis=1)
 
 
-def _near_pairs(nodes: _Nodes, among: IntArray) -> tuple[IntArray, IntArray]:
-    """Return tangent pairs of nodes that lie near each other, in each direction the nearest."""
-    from scipy.spatial import cKDTree
-
-    at = nodes.xy[among]
-    _, near = cKDTree(at).query(at, k=min(LOOKED_AT, len(at)))
-    found = _near_kernel(at, nodes.before[among], nodes.after[among], near)
-    pairs = _distinct(found, len(among))
-    return among[pairs[:, 0]], among[pairs[:, 1]]
-
-
-@numba.njit(cache=True, nogil=True)
-def _hugs(xy: FloatArray, before: FloatArray, after: FloatArray, at: int, other: int) -> bool:
-    """Return whether the segment to another node hugs the corner `at`; a plain node hugs all."""
-    if np.isnan(before[at, 0]):
-        return True
-    east, north = xy[other, 0] - xy[at, 0], xy[other, 1] - xy[at, 1]
-    one = east * (before[at, 1] - xy[at, 1]) - north * (before[at, 0] - xy[at, 0])
-    two = east * (after[at, 1] - xy[at, 1]) - north * (after[at, 0] - xy[at, 0])
-    return one * two >= -_EPS
-
-
-@numba.njit(cache=True, nogil=True)
-def _near_kernel(xy: FloatArray, before: FloatArray, after: FloatArray, near: IntArray) -> IntArray:
-    """Return the tangent pairs (p, 2) of each node with the nearest of `near` (n, k) in each direction."""
-    found = np.empty((len(xy) * SECTORS * NEAREST, 2), dtype=np.int64)
-    count = 0
-    taken = np.zeros(SECTORS, dtype=np.int64)
-    for a in range(len(xy)):
-        taken[:] = 0
-        for b in near[a]:
-            if b == a or not _hugs(xy, before, after, a, b) or not _hugs(xy, before, after, b, a):
-                continue
-            angle = np.arctan2(xy[b, 1] - xy[a, 1], xy[b, 0] - xy[a, 0]) + np.pi
-            sector = int(angle / (2 * np.pi) * SECTORS) % SECTORS
-            if taken[sector] < NEAREST:
-                taken[sector] += 1
-                found[count, 0], found[count, 1] = a, b
-                count += 1
-    return found[:count]
-
-
-@numba.njit(cache=True, nogil=True)
-def _tangent_kernel(xy: FloatArray, before: FloatArray, after: FloatArray) -> IntArray:
-    """Return all tangent pairs (p, 2) of nodes, lower first."""
-    found = np.empty((1024, 2), dtype=np.int64)
-    count = 0
-    for a in range(len(xy)):
-        for b in range(a + 1, len(xy)):
-            if _hugs(xy, before, after, a, b) and _hugs(xy, before, after, b, a):
-                if count == len(found):
-                    found = np.concatenate((found, np.empty_like(found)))
-                found[count, 0], found[count, 1] = a, b
-                count += 1
-    return found[:count]
-
-
 def _with_all_pairs_in_use(graph: VisibilityGraph, nodes: _Nodes, obstacles: Obstacles) -> VisibilityGraph:
     """Return the graph with all tangent pairs of those corners that its shortest routes pass."""
-    sources = np.arange(graph.places, dtype=np.int64)
-    routes = ShortestRoutes(graph.owner, graph.edges, graph.length_m, sources, graph.places)
+    places = np.arange(graph.places, dtype=np.int64)
+    routes = ShortestRoutes(graph.xy, graph.owner, graph.edges, graph.length_m, places)
     passed: set[int] = set()
     for a, b in zip(*np.nonzero(np.triu(np.isfinite(routes.distance), 1)), strict=True):
         passed.update(routes.route(int(a), int(b)))
     used = np.array(sorted(passed), dtype=np.int64)
     used = used[graph.owner[used] == EVERYBODY]
-    first, second = used[_tangent_kernel(nodes.xy[used], nodes.before[used], nodes.after[used])].T
-    more = np.stack(_seen(nodes, first, second, obstacles), axis=1)
-    edges = _distinct(np.concatenate([graph.edges, more]), len(nodes.xy))
+    pairs = used[tangent_pairs(nodes.xy[used], nodes.before[used], nodes.after[used])]
+    edges = _distinct(np.concatenate([graph.edges, _seen(nodes, pairs, obstacles)]), len(nodes.xy))
     return replace(graph, edges=edges, length_m=nodes.length_m(edges))
-
-
-# --------------------------------------------------------------------------- routes
-
-
-class ShortestRoutes:
-    """Dijkstra's routes from some places, where nodes with an owner serve its own routes only.
-
-    Each such node has two copies: one that routes from its owner leave by, and one that routes to it come
-    in by; no segment leads from the second to the first.
-
-    `owner` [nodes] is the place that a node serves alone, `EVERYBODY` for all others; `edges` [m, 2] are
-    pairs of nodes, `weight` [m] what each costs either way; `sources` [k] are the places to route from, which
-    are among the first `places` nodes.
-    """
-
-    def __init__(
-        self, owner: IntArray, edges: IntArray, weight: FloatArray, sources: IntArray, places: int
-    ) -> None:
-        from scipy.sparse import coo_matrix
-        from scipy.sparse.csgraph import dijkstra
-
-        self.nodes = n = len(owner)
-        u, v = np.concatenate([edges, edges[:, ::-1]]).T
-        both = np.concatenate([weight, weight])
-        own_u, own_v = owner[u] != EVERYBODY, owner[v] != EVERYBODY
-        same = own_u & own_v & (owner[u] == owner[v])
-        copies = [
-            (u[~own_u & ~own_v], v[~own_u & ~own_v], both[~own_u & ~own_v]),
-            (u[own_u & ~own_v], v[own_u & ~own_v], both[own_u & ~own_v]),
-            (u[~own_u & own_v], v[~own_u & own_v] + n, both[~own_u & own_v]),
-            (u[same], v[same], both[same]),
-            (u[same] + n, v[same] + n, both[same]),
-            (u[own_u & own_v & ~same], v[own_u & own_v & ~same] + n, both[own_u & own_v & ~same]),
-        ]
-        first, second, cost = (np.concatenate(part) for part in zip(*copies, strict=True))
-        graph = coo_matrix((cost, (first, second)), shape=(2 * n, 2 * n)).tocsr()
-        distance, previous = dijkstra(graph, directed=True, indices=sources, return_predecessors=True)
-        self._end = np.arange(places) + np.where(owner[:places] == EVERYBODY, 0, n)
-        self._row = {int(source): k for k, source in enumerate(sources)}
-        self._previous = previous
-        self.distance: FloatArray = distance[:, self._end]
-        """Shape (sources, places); infinite where there is no route."""
-
-    def route(self, source: int, destination: int) -> list[int]:
-        """Return the nodes of the shortest route between two places that are connected."""
-        row = self._previous[self._row[source]]
-        nodes = [int(self._end[destination])]
-        while nodes[-1] != source:
-            nodes.append(int(row[nodes[-1]]))
-        return [node % self.nodes for node in reversed(nodes)]
