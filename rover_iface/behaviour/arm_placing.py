@@ -14,7 +14,7 @@ from mission.instrument import Instrument
 from rover_iface.behaviour.action import Action, Doing, Outcome, Step, number
 from rover_iface.behaviour.attempt import Attempt, overlay
 from rover_iface.behaviour.base_moves import MOVES, BaseMoves
-from rover_iface.behaviour.close_look import NARROW, meant_on, narrow_cloud, registered
+from rover_iface.behaviour.close_look import carried, meant_on, narrow_cloud, registered
 from rover_iface.behaviour.driving import Driving
 from rover_iface.behaviour.following import Followed, TargetFollower
 from rover_iface.behaviour.hardware import Contact, Hardware
@@ -189,7 +189,7 @@ class ArmPlacing(Placing):
             segmentation=found,
             arm=way,
             second=None if laid is None else laid.cloud,
-            narrow=narrow if all(name in self.cameras.rig.cameras for name in NARROW) else None,
+            narrow=narrow if carried(self.cameras.rig) else None,
         )
         motion = verdict.posture if isinstance(verdict.posture, Motion) else None
         touch = None

@@ -47,6 +47,11 @@ HANDED_M = 0.02
 cm in one of twenty, docs/results/handoff.md). Farther off one of them is another spot, nobody knows which."""
 
 
+def carried(rig: CameraRig) -> bool:
+    """Return whether a rover has both narrow cameras."""
+    return all(name in rig.cameras for name in NARROW)
+
+
 def aim(rig: CameraRig, at: Array) -> tuple[float, float, tuple[Window, Window]]:
     """Return pan and tilt, rad, by which both narrow cameras hold a point (3,), rover frame, m, and the
     windows round it of the binned frames.

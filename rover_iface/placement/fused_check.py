@@ -48,6 +48,12 @@ class FusedOptions:
     most_hole_m, beside_hole_m
         Diameter of the largest hole, and what it may be at most beside the designated point: of 18 places
         with one of 12.5 to 16 mm none was unsafe, of 9 with one to 18 mm 3 (16014 to 16066).
+    ending_margin_m, most_ending_m
+        Diameter of the largest hole to so far round the tool. Stereo draws a surface by up to a centimetre
+        over the edge behind which it sees nothing: on rock 44032 the narrow pair and the navcams had it under
+        the whole tool, and a tenth of that hung over the edge. The hole beyond was 21 mm wide; at 11 other
+        accepted places of 44001 to 44022 it was 12 at most. Beside the designated point `beside_hole_m` is
+        the limit.
     bridged_m, bridged_relief_m, bridged_gap_rad
         A hole up to so wide does not count if what lies round it on all sides, no gap wider than the last,
         differs by no more than the second.
@@ -70,6 +76,8 @@ class FusedOptions:
     most_depth_m: float = 0.025
     most_hole_m: float = 0.015
     beside_hole_m: float = 0.0125
+    ending_margin_m: float = 0.015
+    most_ending_m: float = 0.020
     bridged_m: float = 0.022
     bridged_relief_m: float = 0.012
     bridged_gap_rad: float = 2.4
@@ -88,8 +96,9 @@ class FusedSurface:
         Highest and lowest part over and below the fitted plane, root mean square deviation.
     rim_depth_m, wide_protrusion_m, wide_depth_m
         The same to `FusedOptions.rim_margin_m` and `wide_margin_m` round the tool.
-    hole_m
-        Diameter of the largest hole that is not bridged.
+    hole_m, ending_m
+        Diameter of the largest hole that is not bridged, under the tool and to `FusedOptions.ending_margin_m`
+        round it.
     narrow_share, rock_share
         Share of the disc that the narrow cloud shows; of the points, those on the rock.
     normal_sigma_rad, relief_sigma_m
@@ -106,6 +115,7 @@ class FusedSurface:
     wide_protrusion_m: float
     wide_depth_m: float
     hole_m: float
+    ending_m: float
     narrow_share: float
     rock_share: float
     normal_sigma_rad: float
@@ -190,6 +200,7 @@ def fuse(checks: Sequence[PatchCheck], at: Array, options: FusedOptions) -> Fuse
         float(wide.max()),
         -min(float(wide.min()), lowest),
         _hole(points, middle, normal, reach, options),
+        _hole(points, middle, normal, radius + options.ending_margin_m, options),
         float(share),
         float(mine[under].mean()),
         sigma_rad,

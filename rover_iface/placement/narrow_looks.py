@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -124,6 +125,7 @@ class NarrowLooks:
             return Opinion(Sight.BAD, finding=why)
         if (
             surface.hole_m > self.options.most_hole_m
+            or surface.ending_m > self.options.most_ending_m
             or surface.rock_share < self.options.least_rock_share
             or not self._free(narrow, surface)
         ):
@@ -149,9 +151,11 @@ class NarrowLooks:
 
     def _strain(self, surface: FusedSurface) -> float:
         """Return the largest share of a limit that a place takes which nobody asked for: of those of its
-        relief, somewhat beyond the tool, and of its holes.
+        relief, somewhat beyond the tool, and of its holes; infinite where it may end beside it.
         """
         options, sure = self.options, self._sure(surface)
+        if surface.ending_m > options.beside_hole_m:
+            return math.inf
         return max(
             surface.hole_m / options.beside_hole_m,
             (surface.wide_depth_m + sure) / options.most_depth_m,

@@ -8,7 +8,7 @@ from functools import lru_cache, partial
 import numpy as np
 import pytest
 
-from rover_iface.behaviour.close_look import NARROW, SCALE, aim
+from rover_iface.behaviour.close_look import NARROW, SCALE, aim, carried
 from rover_iface.cameras.rig import CameraRig, load_cameras
 from rover_iface.errors import CameraError
 from rover_iface.placement import Decision, PlacementVerdict, Reason, SurfaceCloud, plan_placement, segment
@@ -286,6 +286,17 @@ def test_a_drop_just_beside_the_tool_is_told(k9: RoverProfile) -> None:
     assert found.wide_depth_m >= found.rim_depth_m
 
 
+def test_a_surface_that_ends_unseen_beside_the_tool_is_told(k9: RoverProfile) -> None:
+    # 44032: both pairs drew the rock a centimetre over the edge behind which neither saw anything
+    narrow, wide = sheet(PITCH_M), sheet(0.004)
+    for points in (narrow, wide):
+        points[points[..., 1] > AT[1] + 0.039] = np.nan
+    found = surface(narrow, wide, k9)
+    assert found.hole_m < FusedOptions().beside_hole_m
+    assert found.ending_m > FusedOptions().beside_hole_m
+    assert surface(sheet(PITCH_M), sheet(0.004), k9).ending_m < 0.01
+
+
 def test_a_calm_place_is_taken_before_a_nearer_one_that_the_narrow_pair_shows_less_calm(
     k9: RoverProfile,
 ) -> None:
@@ -330,6 +341,13 @@ def test_both_narrow_cameras_hold_the_place_with_the_tool_round_it() -> None:
     # one of them alone in the middle leaves the other without it
     other = rig.camera(NARROW[1], *rig.point_at(at, NARROW[0])).scaled(SCALE)
     assert not bool(other.sees(at))
+
+
+def test_a_rover_with_one_narrow_camera_has_no_narrow_pair() -> None:
+    cameras = dict(load_cameras("k9"))
+    assert carried(CameraRig(cameras, (0.15, 0.0, 1.45)))
+    del cameras[NARROW[1]]
+    assert not carried(CameraRig(cameras, (0.15, 0.0, 1.45)))
 
 
 def test_a_place_too_near_for_both_cameras_is_not_looked_at() -> None:
