@@ -1,12 +1,13 @@
 """Real frames beside rendered ones, and a classifier that tells them apart: docs/results/pictures.md.
 
     .venv/bin/pip install -r studies/telling_apart.txt
-    .venv/bin/python -m studies.picture_page --out docs     five minutes of one core
+    .venv/bin/python -m studies.picture_page --out docs     ten minutes of one core
 
 Each real frame has rendered partners of its camera, height, tilt and, where its label tells it, sun, over
-terrains of their own; seeds follow from the one printed, drawn when none is given. The classifiers see
-statistics of 64 px patches of ground; all frames of the judged place, and the partners of these, are kept
-from them.
+terrains of their own: default and sandy look on ground without a geology, and ground of the geology that is
+called after the frame's place; seeds follow from the one printed, drawn when none is given. The classifiers
+see statistics of 64 px patches of ground; all frames of the judged place, and the partners of these, are
+kept from them.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from rover_iface.simulator.render.renderer import SANDY, Look
+from rover_iface.simulator.render.look import SANDY, Look
 from studies.common.pages import table, write_section
 from studies.common.patch_statistics import NAMES, PATCH_PX, half_size, patch_statistics
 from studies.common.real_frames import FRAMES, IMAGERY, RealFrame, View, load_view
@@ -41,14 +42,17 @@ from studies.common.texture_statistics import stretch
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
-LOOKS: Mapping[str, Look] = {"default": Look(), "sandy": SANDY}
+LOOKS: Mapping[str, Look | None] = {"default": Look(), "sandy": SANDY, "geology": None}
 SIZES = "full", "half"
 KERNELS: tuple[Kernel, ...] = "linear", "rbf"
 PATCHES = 64
 """Most patches of one picture: more of the same ground say little new."""
 
 SHOWN_STATISTICS = 14
-TILE_PX = 300
+RANGED = "SIFT per Mpx", *(name for name in NAMES if name.startswith("spectrum slope"))
+"""Statistics whose range over real frames the rendered ones should keep."""
+
+TILE_PX = 260
 SHEETS = {
     "pictures-spirit": ("Spirit",),
     "pictures-rovers": ("Opportunity", "Curiosity", "Perseverance"),
@@ -213,7 +217,7 @@ def verdict_table(
 
 
 def scene_table(verdicts: Mapping[tuple[str, str], Verdict], asked: Mapping[str, Sequence[Question]]) -> str:
-    """Return the accuracy of the RBF machine at each held-out place, default and sandy look, both sizes."""
+    """Return the accuracy of the RBF machine at each held-out place, by look, both sizes."""
     columns: dict[str, list[str]] = {}
     keys = [(asked[size][k].text, size) for size in SIZES for k in range(len(LOOKS))]
     for column, key in enumerate(keys):
@@ -226,32 +230,52 @@ def scene_table(verdicts: Mapping[tuple[str, str], Verdict], asked: Mapping[str,
 
 def statistics_table(asked: Mapping[str, Sequence[Question]]) -> str:
     """Return the statistics that part real and rendered most at half size, and what they come to."""
-    default, sandy = asked["half"][0], asked["half"][1]
-    before, after = (feature_aucs(q.first, q.second, q.folds) for q in (default, sandy))
-    order = np.argsort(-np.abs(before.mean(axis=0) - 0.5))[:SHOWN_STATISTICS]
-    full = feature_aucs(asked["full"][0].first, asked["full"][0].second, asked["full"][0].folds).mean(axis=0)
+    several = [asked["half"][k] for k in range(len(LOOKS))]
+    aucs = [feature_aucs(q.first, q.second, q.folds) for q in several]
+    order = np.argsort(-np.abs(aucs[0].mean(axis=0) - 0.5))[:SHOWN_STATISTICS]
     rows = []
     for k in order:
-        means = [
-            float(np.mean([v[:, k].mean() for v in kind.values()]))
-            for kind in (default.first, default.second, sandy.second)
-        ]
+        kinds = several[0].first, *(q.second for q in several)
         rows.append(
             [
                 NAMES[k],
-                f"{before[:, k].mean():.2f} ({before[:, k].min():.2f} to {before[:, k].max():.2f})",
-                f"{after[:, k].mean():.2f}",
-                f"{full[k]:.2f}",
-                *(f"{m:,.3g}" if abs(m) < 1000 else f"{m:,.0f}" for m in means),
+                *(f"{a[:, k].mean():.2f} ({a[:, k].min():.2f} to {a[:, k].max():.2f})" for a in aucs),
+                *(_figure(float(np.mean([v[:, k].mean() for v in kind.values()]))) for kind in kinds),
             ]
         )
-    return table(
-        ["statistic", "AUC default, half", "sandy, half", "default, full", "real", "default", "sandy"], rows
-    )
+    return table(["statistic", *(f"AUC {look}" for look in LOOKS), "real", *LOOKS], rows)
+
+
+def _figure(value: float) -> str:
+    return f"{value:,.3g}" if abs(value) < 1000 else f"{value:,.0f}"
+
+
+def range_table(measured: Measured) -> str:
+    """Return least and greatest over pictures of the means over their patches, and which share of them lies
+    within the real range."""
+    kinds = "real", *LOOKS
+    rows = []
+    for size in SIZES:
+        for name in RANGED:
+            k = NAMES.index(name)
+            means = {
+                kind: np.array([p[:, k].mean() for s in measured.values[kind, size].values() for p in s])
+                for kind in kinds
+            }
+            low, high = means["real"].min(), means["real"].max()
+            cells = [_figure(float(low)) + " to " + _figure(float(high))]
+            for look in LOOKS:
+                found = means[look]
+                inside = float(np.mean((found >= low) & (found <= high)))
+                cells.append(
+                    f"{_figure(float(found.min()))} to {_figure(float(found.max()))} ({100 * inside:.0f} %)"
+                )
+            rows.append([name, size, *cells])
+    return table(["statistic", "size", "real", *(f"{look} (inside)" for look in LOOKS)], rows)
 
 
 def write_sheets(tiles: Mapping[str, list[npt.NDArray[np.uint8]]], folder: Path) -> None:
-    """Write the sheets of pictures, a row a frame: real, default look, sandy look."""
+    """Write the sheets of pictures, a row a frame: real, then each look."""
     from PIL import Image
 
     for sheet, missions in SHEETS.items():
@@ -288,7 +312,7 @@ def main() -> int:
     measured = measure_all(frames, arguments.per_frame, seed)
     asked = {size: questions(measured, size, frames) for size in SIZES}
     body, verdicts = verdict_table(asked, seed)
-    scenes, statistics = scene_table(verdicts, asked), statistics_table(asked)
+    scenes, statistics, ranges = scene_table(verdicts, asked), statistics_table(asked), range_table(measured)
     pictures = sum(
         len(p) for (kind, size), s in measured.values.items() if size == "full" for p in s.values()
     )
@@ -296,9 +320,10 @@ def main() -> int:
         f"\nSeed {seed}: {pictures} pictures, at most {PATCHES} patches of {PATCH_PX} px each. In brackets "
         f"the 95 % interval by drawing folds with replacement.\n"
     )
-    print(f"{body}\n{scenes}\n{statistics}")
+    print(f"{body}\n{scenes}\n{statistics}\n{ranges}")
     if arguments.out is not None:
-        for name, text in (("verdict", body), ("scenes", scenes), ("statistics", statistics)):
+        sections = {"verdict": body, "scenes": scenes, "statistics": statistics, "ranges": ranges}
+        for name, text in sections.items():
             write_section(arguments.out, "pictures", name, text)
         write_sheets(measured.tiles, arguments.out / "img")
     return 0

@@ -31,9 +31,12 @@ def generate(
     outcrop: Annotated[bool, typer.Option(help="with an outcrop of slabs")] = True,
     ripples: Annotated[bool, typer.Option(help="with sand ripples")] = True,
     tracks: Annotated[bool, typer.Option(help="with the tracks of an earlier drive to the start")] = False,
+    geology: Annotated[
+        str | None, typer.Option(help="rocks, bedrock and sand of gusev, meridiani, gale or jezero")
+    ] = None,
 ) -> None:
     """Generate a terrain from a seed."""
-    from rover_iface.terrain import Recipe, generate_terrain, write_terrain
+    from rover_iface.terrain import Recipe, generate_terrain, geology_named, write_terrain
 
     with refusals():
         made = generate_terrain(
@@ -46,6 +49,7 @@ def generate(
                 outcrop=outcrop,
                 ripples=ripples,
                 tracks=tracks,
+                geology=None if geology is None else geology_named(geology),
             )
         )
         write_terrain(made, out)

@@ -7,10 +7,12 @@ surroundings, both sampled from one `Landscape`, each with its ortho image.
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 
 import numpy as np
 
 from rover_iface.errors import TerrainFormatError
+from rover_iface.terrain.geology import Geology
 from rover_iface.terrain.grid import HeightLayer, Ortho
 from rover_iface.terrain.landscape import Landscape, Recipe
 from rover_iface.terrain.ortho import paint
@@ -24,7 +26,7 @@ def generate_terrain(
     *,
     rock_cover: float = 0.05,
     recipe: Recipe | None = None,
-    **options: float | bool | str,
+    **options: float | bool | str | Geology | None,
 ) -> Terrain:
     """Return a terrain made from a seed; the rover's start, the origin of the frame, lies on clear ground.
 
@@ -80,4 +82,7 @@ def _survey(landscape: Landscape) -> Terrain:
         credits="Generated terrain, no real place",
         origin={"seed": float(recipe.seed)},
         sha256=digest.hexdigest(),
+        surface=None
+        if recipe.geology is None
+        else replace(recipe.geology.surface, wind_rad=landscape.wind_rad),
     )

@@ -13,7 +13,10 @@ from numpy.typing import NDArray
 
 from rover_iface.errors import TerrainFormatError
 from rover_iface.streams import stream
+from rover_iface.terrain.banks import bank_depth, wind_of
+from rover_iface.terrain.bedrock import pavement
 from rover_iface.terrain.fractal import Field, smooth_step, spectral_noise
+from rover_iface.terrain.geology import Geology, dressed
 from rover_iface.terrain.grid import HeightLayer
 from rover_iface.terrain.rocks import Rock, draw_rocks
 
@@ -28,7 +31,8 @@ GAUGE_M, RUT_M, RUT_DEPTH_M = 0.73, 0.12, 0.015
 class Recipe:
     """What to generate. Lengths in metres; `rock_cover` is the share of ground under rocks, `relief_m` twice
     the deviation of heights that 128 m of such ground have, `rough` a factor on the bumps below half a metre.
-    `tracks` are the ruts of an earlier drive that ended at the start.
+    `tracks` are the ruts of an earlier drive that ended at the start, `geology` the families of rocks, the
+    bedrock and the banked sand; without it all rocks are boulders, and slabs are part of the heights.
     """
 
     seed: int = 0
@@ -47,6 +51,7 @@ class Recipe:
     clear_start_m: float = 1.6
     ortho: bool = True
     name: str = ""
+    geology: Geology | None = None
 
     def __post_init__(self) -> None:
         if not 16 <= self.size_m <= 1024:
@@ -97,6 +102,8 @@ class Landscape:
         self.ripple_angle = float(place.uniform(0, math.pi))
         self.ripple_radius = 0.45 * inner
         self.track_angle = float(place.uniform(0, 2 * math.pi))
+        self.wind_rad = wind_of(recipe.seed)
+        self.banked: tuple[Rock, ...] = ()
         self.level = 0.0
         self.level = float(self.ground(np.zeros(1), np.zeros(1))[0, 0])
 
@@ -107,7 +114,9 @@ class Landscape:
         x, y = self.outcrop_xy
         distance = np.hypot(xs[None, :] - x, (ys[:, None] - y) * 1.25)
         edge = self.outcrop_radius * (1 + 0.22 * self.warp.at(xs, ys))
-        return smooth_step((edge - distance) / (0.16 * self.outcrop_radius))
+        # bodies need no cliff in the ground where an outcrop ends
+        rim = 0.16 if self.recipe.geology is None else 0.6
+        return smooth_step((edge - distance) / (rim * self.outcrop_radius))
 
     def ripple_mask(self, xs: Array, ys: Array) -> Array:
         """Return where sand lies in ripples, 0..1."""
@@ -154,12 +163,15 @@ class Landscape:
         c, s = math.cos(self.outcrop_angle), math.sin(self.outcrop_angle)
         x, y = self.outcrop_xy
         across = c * (xs[None, :] - x) + s * (ys[:, None] - y)
-        across = across + 0.9 * self.warp.at(xs, ys) + 0.22 * self.detail.at(xs, ys)
+        bare = self.recipe.geology is None
+        # where bodies make the steps, the ground below them is a ramp
+        ragged, ramp, high = (0.22, 0.16, 1.0) if bare else (0.05, 0.6, 0.8)
+        across = across + 0.9 * self.warp.at(xs, ys) + ragged * self.detail.at(xs, ys)
         height = np.zeros_like(across)
         rng = stream("ledges", self.recipe.seed)
         for edge in np.linspace(-0.75, 0.75, 6) * self.outcrop_radius:
-            step = 0.10 + 0.12 * float(rng.random())
-            height += step * (smooth_step((across - edge) / 0.16) - 0.5)
+            step = high * (0.10 + 0.12 * float(rng.random()))
+            height += step * (smooth_step((across - edge) / ramp) - 0.5)
         return height
 
     def cracks(self, xs: Array, ys: Array, cell_m: float = 0.85) -> tuple[Array, Array]:
@@ -185,9 +197,12 @@ class Landscape:
         h = h + rough * self.detail.at(xs, ys)
         if recipe.outcrop:
             mask = self.outcrop_mask(xs, ys)
-            crack, slab = self.cracks(xs, ys)
-            groove = np.minimum(crack / 0.07, 1.0)
-            h = h + mask * (self._layers(xs, ys) + 0.12 + 0.05 * (groove - 1) + 0.05 * (slab - 0.5))
+            beds = self._layers(xs, ys) + 0.12
+            if recipe.geology is None:  # else its plates are bodies
+                crack, slab = self.cracks(xs, ys)
+                groove = np.minimum(crack / 0.07, 1.0)
+                beds = beds + 0.05 * (groove - 1) + 0.05 * (slab - 0.5)
+            h = h + mask * beds
         if recipe.ripples:
             mask = self.ripple_mask(xs, ys)
             if recipe.outcrop:
@@ -197,6 +212,8 @@ class Landscape:
             h = h + self._crater(xs, ys)
         if recipe.tracks:
             h = h - RUT_DEPTH_M * self.ruts(xs, ys)
+        if recipe.geology is not None and self.banked:
+            h = h + bank_depth(xs, ys, self.banked, recipe.geology.surface.banks, self.wind_rad)
         return h - self.level
 
     # ---- rocks
@@ -205,7 +222,7 @@ class Landscape:
         """Return the rocks, largest first, with their feet on the ground."""
         recipe = self.recipe
         if recipe.rock_cover <= 0:
-            return ()
+            return () if recipe.geology is None else self._weathered((), recipe.geology)
         rng = self.streams["rocks"]
         half, inner = recipe.size_m / 2, recipe.inner_m / 2 + 2
         inner = min(inner, half)
@@ -250,7 +267,7 @@ class Landscape:
         numbers = rng.random((len(table), 5))
         seeds = rng.integers(0, 2**31 - 1, len(table))
         foot = self.foot_heights(table[:, 0], table[:, 1])
-        return tuple(
+        boulders = tuple(
             Rock(
                 id=f"R{k + 1:05d}",
                 x=round(float(x), 4),
@@ -265,6 +282,41 @@ class Landscape:
             )
             for k, ((x, y, d), z, n, s) in enumerate(zip(table, foot, numbers, seeds, strict=True))
         )
+        return boulders if recipe.geology is None else self._weathered(boulders, recipe.geology)
+
+    def _weathered(self, boulders: tuple[Rock, ...], geology: Geology) -> tuple[Rock, ...]:
+        """Return the rocks of a geology and its plates; from now on the ground has its banked sand."""
+        recipe = self.recipe
+        rocks = dressed(boulders, geology, seed=recipe.seed, wind_rad=self.wind_rad)
+        plates = pavement(
+            geology,
+            recipe.inner_m / 2,
+            seed=recipe.seed,
+            open_at=self._bare,
+            ground_at=self._raster(recipe.inner_m, recipe.inner_spacing_m).sample,
+            clear_m=recipe.clear_start_m,
+        )
+        self.banked = rocks
+        return (*rocks, *plates)
+
+    def _bare(self, x: Array, y: Array) -> Array:
+        """Return where bedrock lies open [n], above a half, at places x, y [n], m: the outcrop, and patches
+        that together are the geology's share of the middle.
+        """
+        recipe = self.recipe
+        if recipe.geology is None:
+            return np.zeros(len(x))
+        axis = np.linspace(-recipe.inner_m / 2, recipe.inner_m / 2, 257)
+        patches = Field(spectral_noise(stream("bedrock", recipe.seed), 256, 2.4), recipe.inner_m)
+        shown = patches.at(axis, axis)
+        # a share of it lies above this quantile, by definition
+        open_ = (shown > np.quantile(shown, 1.0 - recipe.geology.pavement)).astype(np.float32)
+        if recipe.ripples:
+            open_ *= self.ripple_mask(axis, axis) < 0.3
+        if recipe.outcrop:
+            open_ = np.maximum(open_, self.outcrop_mask(axis, axis) > 0.35)
+        step = float(axis[1] - axis[0])
+        return HeightLayer(open_.astype(np.float32), float(axis[0]), float(axis[0]), step).sample(x, y)
 
     def _in_ruts(self, table: Array) -> NDArray[np.bool_]:
         """Return which rocks (x, y, diameter) [n, 3] lie on the way of the earlier drive."""
@@ -276,13 +328,15 @@ class Landscape:
 
     def foot_heights(self, x: Array, y: Array) -> Array:
         """Return ground heights [n], m, at scattered points x, y [n], from a raster of the whole site."""
-        size = self.recipe.size_m
-        count = int(min(2048, size / 0.125))
+        return self._raster(self.recipe.size_m, 0.125).sample(x, y)
+
+    def _raster(self, size: float, spacing: float) -> HeightLayer:
+        """Return ground heights of a square round the origin, of at most 2048 posts a side."""
+        count = int(min(2048, size / spacing))
         axis = (np.arange(count) + 0.5) * size / count - size / 2
-        layer = HeightLayer(
+        return HeightLayer(
             self.ground(axis, axis).astype(np.float32), float(axis[0]), float(axis[0]), size / count
         )
-        return layer.sample(x, y)
 
 
 def _polar(angle: float, radius: float) -> tuple[float, float]:

@@ -5,8 +5,9 @@
     {"format": "terrain/1", "name": ..., "credits": ..., "origin": {...},
      "layers": [{"dem": "dem_32m.tif", "ground": "ground_32m.tif", "ortho": "ortho_32m.png",
                  "mask": "mask_32m.png", "sigma": "sigma_32m.tif"}],
-     "rocks": "rocks.json", "panorama": "panorama.json"}
+     "rocks": "rocks.json", "panorama": "panorama.json", "surface": {"geology": "gale", ...}}
 
+`surface` is what a geology laid on the ground (`rover_iface.terrain.surface`), null where none did.
 `sigma` is the standard deviation of the heights, m; `panorama` the pictures that the heights were made from,
 of form `panorama/1`. Every member of a layer but `dem` may be absent; a single layer may be given by the
 members `dem`, `ortho` and `mask` of the document itself. An ortho image has the extent of its DEM unless a
@@ -37,7 +38,8 @@ from rover_iface.terrain.grid import HeightLayer, Ortho
 from rover_iface.terrain.mesh import MESHES, load_mesh_terrain
 from rover_iface.terrain.outside import inside, opened_image
 from rover_iface.terrain.panorama_files import copied_panorama, panorama_files
-from rover_iface.terrain.rocks import ROCKS, Rock, RockList
+from rover_iface.terrain.rocks import ROCKS, Rock, rock_listing
+from rover_iface.terrain.surface import Surface
 from rover_iface.terrain.terrain import Terrain
 
 if TYPE_CHECKING:
@@ -71,6 +73,7 @@ class TerrainFile:
     layers: Annotated[tuple[LayerFiles, ...], MinLen(1)] = ()
     rocks: str | None = None
     panorama: str | None = None
+    surface: Surface | None = None
 
 
 TERRAINS = Codec(TerrainFile, "terrain/1", "terrain", error=TerrainFormatError)
@@ -194,6 +197,7 @@ def _assemble(name: str, folder: Path, described: TerrainFile) -> Terrain:
         origin,
         digest.hexdigest(),
         pictures,
+        described.surface,
     )
 
 
@@ -332,9 +336,10 @@ def write_terrain(terrain: Terrain, folder: Path | str) -> Path:
         tuple(entries),
         "rocks.json" if terrain.rocks else None,
         copied_panorama(terrain.panorama, folder),
+        terrain.surface,
     )
     if terrain.rocks:
-        listing = ROCKS.document(RockList(terrain.rocks))
+        listing = rock_listing(terrain.rocks)
         (folder / "rocks.json").write_text(
             json.dumps(listing, separators=(",", ":")) + "\n", encoding="utf-8"
         )

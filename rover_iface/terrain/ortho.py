@@ -65,7 +65,7 @@ def paint(site: Landscape, rocks: list[Rock], extent_m: float, pixel_m: float) -
     if site.recipe.ripples:
         crest = site._ripple(axis, axis)
         colour = _blend(colour, _SAND, sandy * (0.75 - 0.45 * crest))
-    if site.recipe.outcrop:
+    if site.recipe.outcrop and site.recipe.geology is None:
         crack, label = site.cracks(axis, axis)
         plate = _SLAB[None, None, :] * (0.90 + 0.18 * label + 0.03 * grain)[..., None]
         # Sand lies in the low parts and in the cracks.
@@ -138,7 +138,14 @@ def _rock_tint(rocks: list[Rock], axis: Array, pixel_m: float, stone: Array) -> 
         if c0 >= c1 or r0 >= r1:
             continue
         share = ((rock.seed >> 5) % 1000) / 1000
-        tint[r0:r1, c0:c1] = 0.82 + 0.36 * share
-        top = np.clip(stone[r0:r1, c0:c1] / rock.height - 0.55, 0, 0.45) / 0.45
-        dusty[r0:r1, c0:c1] = (0.25 + 0.5 * ((rock.seed >> 15) % 1000) / 1000) * top
+        here = np.s_[r0:r1, c0:c1]
+        if rock.family == "boulder":
+            tint[here] = 0.82 + 0.36 * share
+            top = np.clip(stone[here] / rock.height - 0.55, 0, 0.45) / 0.45
+            dusty[here] = (0.25 + 0.5 * ((rock.seed >> 15) % 1000) / 1000) * top
+            continue
+        over = np.hypot(axis[None, c0:c1] - rock.x, axis[r0:r1, None] - rock.y) < r
+        # rocks whose albedo is drawn from their ids have 0.22 in the mean
+        tint[here] = np.where(over, rock.albedo / 0.22, tint[here])
+        dusty[here] = np.where(over, rock.dust * (stone[here] > 0.5 * rock.height), dusty[here])
     return tint, dusty

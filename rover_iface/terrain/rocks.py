@@ -4,7 +4,8 @@ Sizes follow the exponential law of Golombek and Rapp (1997): the share of groun
 diameter D or
 more is F(D) = k exp(-q D) with q = 1.79 + 0.152 / k and k the total cover. A rock is a star-shaped body: an
 icosphere displaced by smooth noise, cut by random planes so that it has faces and edges, stretched and part
-buried. Its shape follows from its own seed alone, so a rock looks the same in every scene.
+buried. Its shape follows from its own seed alone, so a rock looks the same in every scene. Rocks of another
+family than `boulder` are shaped by `rover_iface.terrain.rock_shapes`.
 """
 
 from __future__ import annotations
@@ -17,16 +18,22 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from mission.codec import Codec
-from mission.values import Positive, reads_over, value
+from mission.codec import Codec, Document
+from mission.values import Positive, Share, reads_over, value
 from rover_iface.errors import TerrainFormatError
+from rover_iface.terrain.rock_shapes import SHARP, Body, Family, radii
 
 Array = NDArray[np.floating]
 
 
 @value
 class Rock:
-    """One rock: middle of its foot on the ground (x, y, z), largest width and height above ground, metres."""
+    """One rock: middle of its foot on the ground (x, y, z), largest width and height above ground, metres.
+
+    `albedo` 0 is drawn from the id; `dust` is how much of what faces up is under it. `sides` are azimuth,
+    rad, and distance from the middle, m, of the joints round a plate; none: as its seed has them. `lean` is
+    the slope of its beds to east and to north.
+    """
 
     id: str
     x: float
@@ -38,6 +45,11 @@ class Rock:
     elongation: float = 0.8
     burial: float = 0.3
     seed: int = 0
+    family: Family = "boulder"
+    albedo: Share = 0.0
+    dust: Share = 0.0
+    sides: tuple[tuple[float, float], ...] = ()
+    lean: tuple[float, float] = (0.0, 0.0)
 
 
 @reads_over
@@ -51,6 +63,19 @@ class RockList:
 ROCKS = Codec(
     RockList, "rocks/1", "list of rocks", upgrades={"": ("rocks/1", dict)}, error=TerrainFormatError
 )
+
+
+OF_A_GEOLOGY = "family", "albedo", "dust", "sides", "lean"
+
+
+def rock_listing(rocks: Sequence[Rock]) -> Document:
+    """Return the `rocks/1` document; members that only a geology sets are left out of other rocks."""
+    listing = ROCKS.document(RockList(tuple(rocks)))
+    for rock, entry in zip(rocks, listing["rocks"], strict=True):
+        if rock.family == "boulder":
+            for name in OF_A_GEOLOGY:
+                del entry[name]
+    return listing
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +163,21 @@ def _shape_numbers(seed: int) -> Array:
 
 
 def _bodies(rocks: Sequence[Rock], directions: Array) -> Array:
-    """Return vertices [rocks, n, 3] in the site frame for unit directions [n, 3]."""
+    """Return vertices [rocks, n, 3], site frame, for unit directions [n, 3]: all boulders, or none."""
+    if rocks[0].family == "boulder":
+        return _placed(rocks, _boulders(rocks, directions))
+    shapes = [radii(rock.family, _body(rock), directions)[:, None] * directions for rock in rocks]
+    return _placed(rocks, np.stack(shapes))
+
+
+def _body(rock: Rock) -> Body:
+    half = rock.diameter / 2
+    sides = tuple((azimuth, distance / half) for azimuth, distance in rock.sides)
+    return Body(rock.seed, half, rock.height / (1 - rock.burial), sides)
+
+
+def _boulders(rocks: Sequence[Rock], directions: Array) -> Array:
+    """Return boulders [rocks, n, 3], their middle at 0, for unit directions [n, 3]."""
     numbers = np.array([_shape_numbers(rock.seed) for rock in rocks])
     waves = numbers[:, : _WAVES * 5].reshape(-1, _WAVES, 5)
     cuts = numbers[:, _WAVES * 5 : _WAVES * 5 + _CUTS * 3].reshape(-1, _CUTS, 3)
@@ -160,10 +199,15 @@ def _bodies(rocks: Sequence[Rock], directions: Array) -> Array:
     radius += 0.012 * np.sin(np.einsum("rwk,nk->rwn", vector * 4.3, directions) + 2 * phase[..., None]).sum(
         axis=1
     )
-    body = radius[..., None] * directions
+    return np.asarray(radius[..., None] * directions)
+
+
+def _placed(rocks: Sequence[Rock], body: Array) -> Array:
+    """Return bodies [rocks, n, 3] stretched to their sizes, turned and moved to the site frame."""
     half = np.array([rock.diameter / 2 for rock in rocks])
     stretch = np.array([rock.elongation for rock in rocks])
     wide = np.hypot(body[..., 0], body[..., 1]).max(axis=1)
+    wide = np.where([bool(rock.sides) for rock in rocks], 1.0, wide)  # those are measured already
     body[..., 0] *= (half / wide)[:, None]
     body[..., 1] *= (half * stretch / wide)[:, None]
     # The part above ground measures `height`, the buried part `burial` of the whole.
@@ -176,7 +220,7 @@ def _bodies(rocks: Sequence[Rock], directions: Array) -> Array:
     yaw = np.array([rock.yaw for rock in rocks])
     c, s = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
     place = np.array([(rock.x, rock.y, rock.z) for rock in rocks])
-    return np.stack(
+    vertices = np.stack(
         [
             c * body[..., 0] - s * body[..., 1] + place[:, None, 0],
             s * body[..., 0] + c * body[..., 1] + place[:, None, 1],
@@ -184,13 +228,19 @@ def _bodies(rocks: Sequence[Rock], directions: Array) -> Array:
         ],
         axis=-1,
     )
+    lean = np.array([rock.lean for rock in rocks])
+    if lean.any():
+        away = vertices[..., :2] - place[:, None, :2]
+        vertices[..., 2] += np.einsum("rk,rnk->rn", lean, away)
+    return vertices
 
 
-def natural_detail(diameter_m: float) -> int:
-    """Return how often the icosphere is split for a rock of this size: edges of about 2 to 6 cm."""
-    if diameter_m < 0.2:
-        return 2
-    return 3 if diameter_m < 0.7 else 4
+def natural_detail(diameter_m: float, family: Family = "boulder") -> int:
+    """Return how often the icosphere is split for a rock of this size: edges of about 2 to 6 cm; half of that
+    for families with edges and beds.
+    """
+    split = 2 if diameter_m < 0.2 else 3 if diameter_m < 0.7 or family == "plate" else 4
+    return split + (family in SHARP)
 
 
 def rock_meshes(rocks: Sequence[Rock], *, detail: int | None = None) -> list[Mesh]:
@@ -200,10 +250,11 @@ def rock_meshes(rocks: Sequence[Rock], *, detail: int | None = None) -> list[Mes
     absent.
     """
     meshes: list[Mesh | None] = [None] * len(rocks)
-    groups: dict[int, list[int]] = {}
+    groups: dict[tuple[int, bool], list[int]] = {}
     for k, rock in enumerate(rocks):
-        groups.setdefault(natural_detail(rock.diameter) if detail is None else detail, []).append(k)
-    for level, members in groups.items():
+        level = natural_detail(rock.diameter, rock.family) if detail is None else detail
+        groups.setdefault((level, rock.family == "boulder"), []).append(k)
+    for (level, _), members in groups.items():
         directions, triangles = icosphere(level)
         for start in range(0, len(members), 512):
             part = members[start : start + 512]
@@ -230,15 +281,16 @@ def raise_rocks(
     result = np.array(heights, dtype=np.float64)
     if not rocks:
         return result
-    for level in sorted({_raster_detail(r.diameter, spacing) if detail is None else detail for r in rocks}):
-        chosen = [
-            r for r in rocks if (_raster_detail(r.diameter, spacing) if detail is None else detail) == level
-        ]
+    groups: dict[tuple[int, bool], list[Rock]] = {}
+    for rock in rocks:
+        level = _raster_detail(rock.diameter, spacing) if detail is None else detail
+        groups.setdefault((level, rock.family == "boulder"), []).append(rock)
+    for level, boulder in sorted(groups):
+        chosen = groups[level, boulder]
         directions, triangles = icosphere(level)
         for start in range(0, len(chosen), 1024):
-            vertices = _bodies(chosen[start : start + 1024], directions)
-            for body in (vertices,):
-                drape_triangles(result, west, south, spacing, np.ascontiguousarray(body), triangles)
+            body = _bodies(chosen[start : start + 1024], directions)
+            drape_triangles(result, west, south, spacing, np.ascontiguousarray(body), triangles)
     return result
 
 

@@ -11,6 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from rover_iface.streams import stream
+from rover_iface.terrain.banks import wind_of
+from rover_iface.terrain.geology import Geology, dressed
 from rover_iface.terrain.rocks import Rock, draw_rocks, raise_rocks
 from rover_iface.terrain.terrain import Terrain
 
@@ -25,11 +27,13 @@ def strew_rocks(
     largest_m: float = 1.5,
     keep_clear: Sequence[tuple[float, float, float]] = (),
     prefix: str = "S",
+    geology: Geology | None = None,
 ) -> Terrain:
     """Return the terrain with rocks by the Golombek-Rapp law in the square of `half_m` round the origin.
 
     `keep_clear` are circles (x, y, radius) in which none may lie. Heights include the new rocks; `ground`
-    heights stay without any. The picture is left as it was.
+    heights stay without any. The picture is left as it was. A `geology` gives the rocks its families and
+    colours, and the ground its surface with no sand banked.
     """
     rng = stream("strewn rocks", seed)
     table = draw_rocks(
@@ -42,7 +46,7 @@ def strew_rocks(
         smallest_m=smallest_m,
         largest_m=largest_m,
     )
-    return add_rocks(terrain, table, seed=seed, keep_clear=keep_clear, prefix=prefix)
+    return add_rocks(terrain, table, seed=seed, keep_clear=keep_clear, prefix=prefix, geology=geology)
 
 
 def add_rocks(
@@ -52,6 +56,7 @@ def add_rocks(
     seed: int,
     keep_clear: Sequence[tuple[float, float, float]] = (),
     prefix: str = "S",
+    geology: Geology | None = None,
 ) -> Terrain:
     """Return the terrain with rocks at places and of diameters [n, 3], m, site frame, as in `strew_rocks`."""
     rng = stream("shapes of rocks", seed)
@@ -78,6 +83,11 @@ def add_rocks(
                 seed=int(s),
             )
         )
+    surface = terrain.surface
+    if geology is not None:
+        wind = wind_of(seed)
+        rocks = list(dressed(rocks, geology, seed=seed, wind_rad=wind))
+        surface = replace(geology.surface, wind_rad=wind, banks=0.0)
     layers = []
     for layer in terrain.layers:
         west, south, east, north = layer.bounds
@@ -87,4 +97,4 @@ def add_rocks(
         ).astype(np.float32)
         ground = layer.ground if layer.ground is not None else layer.heights
         layers.append(replace(layer, heights=heights, ground=ground))
-    return replace(terrain, layers=tuple(layers), rocks=(*terrain.rocks, *rocks))
+    return replace(terrain, layers=tuple(layers), rocks=(*terrain.rocks, *rocks), surface=surface)

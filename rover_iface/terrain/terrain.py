@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from rover_iface.errors import OutsideTerrainError, TerrainFormatError
 from rover_iface.terrain.grid import Array, Bounds, HeightGrid, HeightLayer, Ortho
 from rover_iface.terrain.rocks import Mesh, Rock, rock_meshes
+from rover_iface.terrain.surface import Surface
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,8 @@ class Terrain:
     panorama
         Files of the pictures that the heights were made from, the document `panorama/1` first; none as a
         rule.
+    surface
+        What lies on the ground where a geology made it; none: as on any site.
     """
 
     name: str
@@ -44,6 +47,7 @@ class Terrain:
     origin: Mapping[str, float | str] = field(default_factory=dict)
     sha256: str = ""
     panorama: tuple[Path, ...] = ()
+    surface: Surface | None = None
 
     def __post_init__(self) -> None:
         if not self.layers:

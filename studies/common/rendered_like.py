@@ -11,8 +11,11 @@ import numpy.typing as npt
 
 from rover_iface.frames import Transform
 from rover_iface.simulator.render.from_terrain import scene_from_terrain
-from rover_iface.simulator.render.renderer import Look, Renderer, Sun
+from rover_iface.simulator.render.look import Look
+from rover_iface.simulator.render.renderer import Renderer, Sun
+from rover_iface.simulator.render.scene import Scene
 from rover_iface.terrain.generate import generate_terrain
+from rover_iface.terrain.geology import GEOLOGIES
 from studies.common.real_frames import View
 
 Grey = npt.NDArray[np.float32]
@@ -26,6 +29,16 @@ FAR_M = 16.0
 ROCK_COVERS = 0.03, 0.12
 """Range that the share of rock is drawn from (Golombek and Rapp's sites have 3 to 20 %)."""
 
+AFTER: Mapping[str, str] = {
+    "Spirit": "gusev",
+    "Opportunity": "meridiani",
+    "Curiosity": "gale",
+    "Perseverance": "jezero",
+    "Devon Island": "gale",
+    "Apollo 17": "gusev",
+}
+"""The geology that stands beside each mission's frames; the last two have none of their own."""
+
 
 @dataclass(frozen=True, eq=False)
 class Rendered:
@@ -36,25 +49,34 @@ class Rendered:
     seed: int
 
 
-def rendered_like(view: View, seed: int, looks: Mapping[str, Look]) -> dict[str, Rendered]:
-    """Return pictures of one generated ground from where the real frame was taken, one for each look.
+def rendered_like(view: View, seed: int, looks: Mapping[str, Look | None]) -> dict[str, Rendered]:
+    """Return pictures of a generated ground from where the real frame was taken, one for each look.
 
-    The terrain, its share of rock, the rover's heading and what is not known of the sun follow from `seed`.
-    Grey is coded as the real frame's is: linear, or by a square root in 8 bits.
+    A look of None is the ground of the geology after the frame's mission, in that geology's own look; the
+    others are looks at the ground without one. The terrain, its share of rock, the rover's heading and what
+    is not known of the sun follow from `seed`. Grey is coded as the real frame's is: linear, or by a square
+    root in 8 bits.
     """
     rng = np.random.default_rng([seed, 0x91C7])
-    terrain = generate_terrain(seed, SIZE_M, inner_m=INNER_M, rock_cover=float(rng.uniform(*ROCK_COVERS)))
+    cover = float(rng.uniform(*ROCK_COVERS))
     heading = float(rng.uniform(0.0, math.tau))
     behind = float(rng.uniform(-0.75, 0.75)) * math.pi
-    stand = Transform.from_rpy(0.0, 0.0, heading, (0.0, 0.0, terrain.height_at(0.0, 0.0)))
+    stand = Transform.from_rpy(0.0, 0.0, heading)
     sun = view.sun or _drawn_sun(view, behind)
     east, north, up = (float(v) for v in stand.rotate(np.array(sun.direction)))
     site_sun = Sun((east, north, up), sun.opacity)
-    # as the simulated rovers see it, with the far ground left out
-    scene = scene_from_terrain(terrain, radius_m=12.0, far_m=40.0, seed=seed)
+    scenes: dict[str, tuple[Scene, Transform]] = {}
     found = {}
     for name, look in looks.items():
-        frame = Renderer(scene, look=look).render(view.camera, stand, site_sun, seed=seed)
+        kind = AFTER[view.frame.mission] if look is None else ""
+        if kind not in scenes:
+            geology = GEOLOGIES[kind] if kind else None
+            terrain = generate_terrain(seed, SIZE_M, inner_m=INNER_M, rock_cover=cover, geology=geology)
+            place = Transform(stand.rotation, np.array([0.0, 0.0, terrain.height_at(0.0, 0.0)]))
+            # as the simulated rovers see it, with the far ground left out
+            scenes[kind] = scene_from_terrain(terrain, radius_m=12.0, far_m=40.0, seed=seed), place
+        scene, place = scenes[kind]
+        frame = Renderer(scene, look=look).render(view.camera, place, site_sun, seed=seed)
         image = frame.image if view.linear else frame.image8
         seen = (frame.truth.object_index >= 0) & (frame.truth.range_m < FAR_M)
         found[name] = Rendered(image.astype(np.float32), view.ground & seen, seed)

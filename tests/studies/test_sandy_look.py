@@ -9,7 +9,8 @@ import pytest
 
 from rover_iface.cameras.model import pinhole
 from rover_iface.errors import RenderError
-from rover_iface.simulator.render.renderer import SANDY, Look, Renderer
+from rover_iface.simulator.render.look import SANDY, Look
+from rover_iface.simulator.render.renderer import Renderer
 from rover_iface.simulator.render.scene import Scene
 from rover_iface.simulator.render.texture import drift, grains
 from tests.rover_iface.render.scenes import SUN, ground, rock_renderer

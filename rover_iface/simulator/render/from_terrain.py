@@ -9,10 +9,18 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from rover_iface.simulator.render.look import Look
 from rover_iface.simulator.render.scene import Array, Material, Scene, SceneMesh
 from rover_iface.streams import stream
-from rover_iface.terrain.rocks import Mesh, Rock, rock_meshes
+from rover_iface.terrain.banks import bank_depth, sandy
+from rover_iface.terrain.fractal import smooth_step
+from rover_iface.terrain.rock_shapes import CREASE_RAD, SHARP
+from rover_iface.terrain.rocks import Mesh, Rock, natural_detail, rock_meshes
+from rover_iface.terrain.surface import Surface
 from rover_iface.terrain.terrain import Terrain
+
+DUST_ALBEDO = 0.27
+"""Albedo of settled dust, of the bright regions of Mars (0.25 to 0.30 in Viking's and TES's maps)."""
 
 
 def scene_from_terrain(
@@ -22,8 +30,8 @@ def scene_from_terrain(
     radius_m: float = 16.0,
     spacing_m: float = 0.05,
     far_m: float = 120.0,
-    stones_per_m2: float = 6.0,
-    gravel: float = 0.55,
+    stones_per_m2: float | None = None,
+    gravel: float | None = None,
     seed: int = 0,
 ) -> Scene:
     """Return the scene round a point of a terrain.
@@ -35,8 +43,12 @@ def scene_from_terrain(
     far_m
         How far the ground reaches at most.
     stones_per_m2
-        Stones of 2.5 to 9 cm, too small for the terrain's rock list, strewn as bodies over the middle 12 m.
+        Stones of 2.5 to 9 cm, too small for the terrain's rock list, strewn as bodies over the middle 12 m;
+        as many as the terrain's surface has if absent, and so for `gravel`.
     """
+    surface = terrain.surface or Surface()
+    stones_per_m2 = surface.stones_per_m2 if stones_per_m2 is None else stones_per_m2
+    gravel = surface.gravel if gravel is None else gravel
     meshes: list[SceneMesh] = []
     x, y = centre
     west, south, east, north = terrain.bounds
@@ -55,22 +67,64 @@ def scene_from_terrain(
         inner, outer, step = outer, min(far_m, outer * 3.0), step * 4.0
         sink += 0.045 * step
     rocks = terrain.rocks_near(x, y, min(far_m, 60.0)) if terrain.rocks else []
-    meshes += [
-        SceneMesh(mesh.vertices, mesh.triangles, mesh.id, Material.ROCK, albedo=_rock_albedo(mesh.id))
-        for mesh in _rock_meshes(rocks, centre)
-    ]
+    named = {rock.id: rock for rock in rocks}
+    meshes += [_rock_body(mesh, named[mesh.id]) for mesh in _rock_meshes(rocks, centre)]
     stones = _stones(terrain, centre, min(12.0, radius_m), stones_per_m2, seed)
     if stones is not None:
         meshes.append(stones)
-    return Scene([m for m in meshes if len(m.triangles)], seed=seed)
+    look = None if terrain.surface is None else _look(terrain.surface)
+    return Scene([m for m in meshes if len(m.triangles)], seed=seed, look=look)
+
+
+def _look(surface: Surface) -> Look:
+    """Return how the ground of a surface is textured."""
+    return Look(
+        soil_slope=surface.soil_slope,
+        soil_mottle=surface.soil_mottle,
+        sand=surface.sand,
+        grain=surface.grain,
+        ripples=surface.ripples,
+        wind_rad=surface.wind_rad,
+        gravel_mottle=surface.gravel_mottle,
+        stone_slope=surface.stone_slope,
+        mottle=surface.mottle,
+    )
+
+
+def _rock_body(mesh: Mesh, rock: Rock) -> SceneMesh:
+    """Return a rock as it is rendered: its edges, its colour, and dust on what faces up."""
+    if rock.family == "boulder":
+        return SceneMesh(
+            mesh.vertices, mesh.triangles, mesh.id, Material.ROCK, albedo=rock.albedo or _rock_albedo(mesh.id)
+        )
+    v, t = mesh.vertices.astype(np.float64), mesh.triangles
+    face = np.cross(v[t[:, 1]] - v[t[:, 0]], v[t[:, 2]] - v[t[:, 0]])
+    up = np.bincount(t.ravel(), weights=np.repeat(face[:, 2], 3), minlength=len(v))
+    size = np.bincount(t.ravel(), weights=np.repeat(np.linalg.norm(face, axis=1), 3), minlength=len(v))
+    # dust slides off faces steeper than some 45 degrees, and lies in patches of 10 to 40 cm
+    x, y = v[:, 0], v[:, 1]
+    patchy = np.sin(15.0 * x + 2.0 * np.sin(23.0 * y)) + np.sin(17.0 * y + 2.0 * np.sin(21.0 * x))
+    settled = smooth_step(rock.dust + 0.3 * patchy) * smooth_step((up / np.maximum(size, 1e-12) - 0.7) / 0.25)
+    stone = rock.albedo or _rock_albedo(mesh.id)
+    return SceneMesh(
+        mesh.vertices,
+        mesh.triangles,
+        mesh.id,
+        Material.ROCK,
+        albedo=stone + (DUST_ALBEDO - stone) * settled,
+        crease_rad=CREASE_RAD if rock.family in SHARP else math.pi,
+    )
 
 
 def _rock_meshes(rocks: list[Rock], centre: tuple[float, float]) -> list[Mesh]:
     """Return meshes of the rocks, fewer triangles with distance."""
-    rings: dict[int | None, list[Rock]] = {None: [], 2: [], 1: []}
+    rings: dict[int | None, list[Rock]] = {None: [], 4: [], 3: [], 2: [], 1: []}
     for rock in rocks:
         away = math.hypot(rock.x - centre[0], rock.y - centre[1])
-        rings[None if away < 14.0 else 2 if away < 26.0 else 1].append(rock)
+        detail = None if away < 14.0 else 2 if away < 26.0 else 1
+        if detail is None and rock.family in SHARP and away >= 7.0:
+            detail = natural_detail(rock.diameter, rock.family) - 1
+        rings[detail].append(rock)
     return [mesh for detail, part in rings.items() for mesh in rock_meshes(part, detail=detail)]
 
 
@@ -98,7 +152,14 @@ def _ground(
         t = t[away[t].any(axis=1)]
         v[:, 2] -= sink
     albedo = _ortho_albedo(terrain, v)
-    return SceneMesh(v, t, "", Material.SOIL, albedo=albedo, gravel=_gravel(v, gravel))
+    stony = _gravel(v, gravel)
+    if terrain.surface is not None and terrain.surface.banks > 0:
+        # `Terrain.mesh` gives a whole raster
+        xs, ys = np.unique(mesh.vertices[:, 0]), np.unique(mesh.vertices[:, 1])
+        wind = terrain.surface.wind_rad
+        depth = bank_depth(xs.astype(float), ys.astype(float), terrain.rocks, terrain.surface.banks, wind)
+        stony = (stony * (1.0 - sandy(depth).ravel())).astype(np.float32)
+    return SceneMesh(v, t, "", Material.SOIL, albedo=albedo, gravel=stony)
 
 
 def _gravel(v: Array, mean: float) -> npt.NDArray[np.float32]:
@@ -172,6 +233,13 @@ def _stones(
             block[:, :2] += (i, j)
             draws.append(block)
     table = np.concatenate(draws)
+    natural = terrain.surface is not None
+    power = (terrain.surface or Surface()).stone_power
+    # broken off the rocks around, so of their colours; without a geology of any
+    colours = np.sort([r.albedo for r in terrain.rocks if natural and r.family != "plate"] or [0.13, 0.30])
+    ranks = np.linspace(0.0, 1.0, len(colours))
+    # fragments lie on their flat side, half in the soil
+    low, spread, foot = (0.22, 0.3, 0.04) if natural else (0.45, 0.4, 0.12)
     table = table[terrain.inside(table[:, 0], table[:, 1])]
     height = terrain.height(table[:, 0], table[:, 1], ground=True)
     vertices, triangles, albedo, start = [], [], [], 0
@@ -179,13 +247,14 @@ def _stones(
         if not math.isfinite(z):
             continue
         points, faces = shapes[int(row[7] * len(shapes))]
-        size = 0.02 + 0.075 * row[2] ** 3
-        squeezed = points * (size, size * (0.55 + 0.45 * row[3]), size * (0.45 + 0.4 * row[4]))
+        size = 0.02 + 0.075 * row[2] ** power
+        squeezed = points * (size, size * (0.55 + 0.45 * row[3]), size * (low + spread * row[4]))
         c, s = math.cos(math.tau * row[5]), math.sin(math.tau * row[5])
         turned = squeezed @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-        vertices.append(turned + np.array([row[0], row[1], z + 0.12 * size]))
+        vertices.append(turned + np.array([row[0], row[1], z + foot * size]))
         triangles.append(faces + start)
-        albedo.append(np.full(len(points), 0.13 + 0.17 * row[6]))
+        colour = np.interp(row[6], ranks, colours) if natural else 0.13 + 0.17 * row[6]
+        albedo.append(np.full(len(points), colour))
         start += len(points)
     if not vertices:
         return None

@@ -12,6 +12,7 @@ from rover_iface.cameras.model import CameraModel
 from rover_iface.cameras.rig import Sensor
 from rover_iface.errors import RenderError
 from rover_iface.frames import Pose, Transform
+from rover_iface.simulator.render.look import Look
 from rover_iface.simulator.render.picture import AutoExposure, Frame, Negative, Truth, Window
 from rover_iface.simulator.render.scene import Array, Scene
 
@@ -63,54 +64,15 @@ class Sun:
         return 0.004 + 0.5 * lost
 
 
-@dataclass(frozen=True, slots=True)
-class Look:
-    """How rough the surface is below the triangles; the defaults pass the texture acceptance test.
-
-    Attributes
-    ----------
-    soil_slope, stone_slope
-        Slope of an octave of bumps, of soil and of rock.
-    mottle
-        Brightness of an octave of rock, share of its albedo.
-    bounce
-        Light from the sunlit ground on what faces down, against that of the sky on what faces up.
-    soil_mottle
-        Factor on how much the soil's brightness varies.
-    sand
-        Share of the ground under drifts of fine sand, 0..1: quiet places between the stones.
-    grain
-        Brightness of soil's grains that a pixel does not resolve, share of its albedo.
-    """
-
-    soil_slope: float = 0.10
-    stone_slope: float = 0.06
-    mottle: float = 0.11
-    bounce: float = 0.7
-    soil_mottle: float = 1.0
-    sand: float = 0.0
-    grain: float = 0.0
-
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.sand <= 1.0:
-            raise RenderError(f"look has sand on a share of {self.sand} of the ground; 0 to 1 is possible")
-        if not 0.0 <= self.grain <= 1.0:
-            raise RenderError(f"look has grain of {self.grain}; 0 to 1 is possible")
-        if not 0.0 <= self.soil_mottle <= 4.0:
-            raise RenderError(f"look has a soil mottle of {self.soil_mottle}; 0 to 4 is possible")
-
-
-SANDY = Look(soil_slope=0.15, soil_mottle=0.4, sand=0.6, grain=0.1)
-"""Ground like Spirit's: much of it under sand, less blotchy, with grain. Set on eight Mars frames beside
-terrains 5000 to 9108, and judged beside others by `studies/picture_page.py`."""
-
-
 class Renderer:
-    """Takes pictures of one scene. Pure: the same arguments give the same image on any machine layout."""
+    """Takes pictures of one scene. Pure: the same arguments give the same image on any machine layout.
+
+    `look` is that of the scene where none is given, and the default where it has none.
+    """
 
     def __init__(self, scene: Scene, *, look: Look | None = None) -> None:
         self.scene = scene
-        self.look = look or Look()
+        self.look = look or scene.look or Look()
 
     def render(
         self,
@@ -281,6 +243,9 @@ class Renderer:
                     look.soil_mottle,
                     look.sand,
                     look.grain,
+                    look.ripples,
+                    look.wind_rad,
+                    look.gravel_mottle,
                 ]
             ),
             scene.seed,

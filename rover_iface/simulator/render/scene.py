@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import lru_cache
 from typing import TypedDict
 
 import numpy as np
 import numpy.typing as npt
 
 from rover_iface.errors import RenderError
+from rover_iface.simulator.render.look import Look
 
 Array = npt.NDArray[np.float64]
 
@@ -51,6 +54,8 @@ class SceneMesh:
         Share of loose stones on soil, 0..1, one number or (n,) per vertex.
     smooth
         Whether normals are shared over triangles (ground, worn rock) or each triangle is flat.
+    crease_rad
+        Triangles that meet at more than this share no normal, so that edges stay sharp; pi: all share.
     """
 
     vertices: npt.NDArray[np.floating]
@@ -60,6 +65,7 @@ class SceneMesh:
     albedo: float | npt.NDArray[np.floating] = 0.25
     gravel: float | npt.NDArray[np.floating] = 0.5
     smooth: bool = True
+    crease_rad: float = math.pi
 
 
 class Scene:
@@ -71,6 +77,8 @@ class Scene:
         At least one. Bodies may touch and interpenetrate.
     seed
         Of the procedural texture.
+    look
+        What a renderer of it takes where it is given none; none: the default.
 
     Raises
     ------
@@ -78,10 +86,11 @@ class Scene:
         If a mesh is empty, its indices run out of range, or a vertex is not finite.
     """
 
-    def __init__(self, meshes: Sequence[SceneMesh], *, seed: int = 0) -> None:
+    def __init__(self, meshes: Sequence[SceneMesh], *, seed: int = 0, look: Look | None = None) -> None:
         if not meshes:
             raise RenderError("a scene needs at least one mesh")
         self.seed = seed
+        self.look = look
         self.ids: tuple[str, ...] = tuple(mesh.id for mesh in meshes)
         vertices, triangles, objects, normals = [], [], [], []
         albedo: list[npt.NDArray[np.float32]] = []
@@ -91,15 +100,18 @@ class Scene:
             v = np.asarray(mesh.vertices, dtype=np.float64)
             t = np.asarray(mesh.triangles, dtype=np.int64)
             _check_mesh(v, t, mesh.id or f"number {number}")
-            if not mesh.smooth:
+            creased = mesh.smooth and mesh.crease_rad < math.pi
+            parted = creased or not mesh.smooth
+            shared = t
+            if parted:
                 v, t = v[t].reshape(-1, 3), np.arange(3 * len(t)).reshape(-1, 3)
             vertices.append(v)
             triangles.append(t + start)
             objects.append(np.full(len(t), number, np.int32))
-            normals.append(_vertex_normals(v, t))
+            normals.append(_creased_normals(v, shared, mesh.crease_rad) if creased else _vertex_normals(v, t))
             for values, given in ((albedo, mesh.albedo), (gravel, mesh.gravel)):
                 filled = np.asarray(given, dtype=np.float32)
-                if filled.ndim == 1 and not mesh.smooth:
+                if filled.ndim == 1 and parted:
                     filled = filled[np.asarray(mesh.triangles)].reshape(-1)
                 if filled.ndim and len(filled) != len(v):
                     raise RenderError(
@@ -195,3 +207,24 @@ def _vertex_normals(v: Array, t: npt.NDArray[np.int64]) -> Array:
     )
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     return np.asarray(np.where(length > 0, normals / np.maximum(length, 1e-30), [0.0, 0.0, 1.0]))
+
+
+def _creased_normals(corners: Array, t: npt.NDArray[np.int64], crease_rad: float) -> Array:
+    """Return unit normals [3 m, 3] of the corners of triangles [m, 3]: the area-weighted mean of those round
+    the same vertex that lie within an angle of the corner's own.
+    """
+    from rover_iface.simulator.render.normals import creased
+
+    a, b, c = corners[0::3], corners[1::3], corners[2::3]
+    face = np.cross(b - a, c - a)
+    normals = np.empty_like(corners)
+    creased(face, t, *_round_vertices(t.tobytes()), math.cos(crease_rad), normals)
+    return normals
+
+
+@lru_cache(maxsize=8)
+def _round_vertices(triangles: bytes) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Return where the triangles round each vertex begin, and these; bodies share few topologies."""
+    vertex = np.frombuffer(triangles, np.int64)
+    order = np.argsort(vertex, kind="stable")
+    return np.searchsorted(vertex[order], np.arange(int(vertex.max()) + 2)), order // 3

@@ -15,6 +15,7 @@ from rover_iface.simulator.render.texture import (
     drift,
     grains,
     gravel,
+    ripple,
     scramble,
     soil,
     stone,
@@ -124,18 +125,23 @@ def radiance(
     """Fill the radiance of each ray, in units where a white level plate in full sun has 1.
 
     `parameters`: soil slope, stone slope, stone mottle, extra light from the ground, factor on the soil's
-    brightness, share of the ground under sand, brightness of unresolved grains. Photometry is Lunar-Lambert
-    (McEwen 1996), `limb` its weight.
+    brightness, share of the ground under sand, brightness of unresolved grains, slope of wind ripples,
+    azimuth of the wind, factor on the gravel's brightness. Photometry is Lunar-Lambert (McEwen 1996), `limb`
+    its weight.
 
     Of n rays: `tfar` (m), `prim`, `base`, `loose`, `lit` and `out` [n], `directions`, `points` and `normal`
     [n, 3], as `surface` fills them; site axes. `objects` [triangles] is the body of each, `materials`
     [bodies]; `origin` [3], m, is that of the points, `sun` [3] the unit direction to the sun; `parameters`
-    [7], or [4] for soil without sand.
+    [10], [7] for sand without ripples, or [4] for soil without sand.
     """
     soil_slope, stone_slope, mottle, bounce = parameters[0], parameters[1], parameters[2], parameters[3]
     soil_mottle, sand, grain = 1.0, 0.0, 0.0
     if parameters.shape[0] > 4:
         soil_mottle, sand, grain = parameters[4], parameters[5], parameters[6]
+    ripples, wind_x, wind_y, gravel_mottle = 0.0, 1.0, 0.0, 1.0
+    if parameters.shape[0] > 7:
+        ripples, wind_x, wind_y = parameters[7], math.cos(parameters[8]), math.sin(parameters[8])
+        gravel_mottle = parameters[9]
     level = math.sqrt(max(1e-9, sun[0] * sun[0] + sun[1] * sun[1]))
     sun_x, sun_y = sun[0] / level, sun[1] / level
     sun_slope = max(0.05, sun[2] / level)
@@ -156,17 +162,24 @@ def radiance(
             tint, gx, gy = soil(x, y, footprint, soil_slope, seed)
             tint *= soil_mottle
             stones = float(loose[n])
+            deep = 0.0
             if sand > 0.0:
                 deep = drift(x, y, footprint, sand, seed + 707)
                 tint = tint * (1.0 - DRIFT_QUIET[0] * deep) + DRIFT_TINT * deep
                 gx *= 1.0 - DRIFT_QUIET[1] * deep
                 gy *= 1.0 - DRIFT_QUIET[1] * deep
                 stones *= 1.0 - DRIFT_QUIET[2] * deep
+            if ripples > 0.0:
+                t, hx, hy = ripple(x, y, footprint, wind_x, wind_y, seed + 1301)
+                steep = ripples * (0.25 + 0.75 * deep)
+                tint += steep * t
+                gx += steep * hx
+                gy += steep * hy
             if grain > 0.0:
                 tint += grain * grains(x, y, footprint, seed + 911)
             if stones > 0.0:
                 t, hx, hy, s = gravel(x, y, footprint, stones, sun_x, sun_y, sun_slope, seed + 101)
-                tint += t
+                tint += gravel_mottle * t
                 gx += hx
                 gy += hy
                 shade = max(shade, s)

@@ -46,6 +46,10 @@ more sharply parted into quiet and rough than those of Mars frames (`studies/pic
 DRIFT_TINT = 0.07
 """By how much sand is brighter than the soil around; by eye, after Spirit's Pancam frame."""
 
+RIPPLE = 0.10, 1.4, 0.55
+"""Ripples of sand: distance of crests and size of their patches, m, and by how much of their distance they
+are bent; by eye, Spirit's Navcam frame of sol 1869."""
+
 SOIL_WAVE = 1.28 * 0.5 ** np.arange(12)
 SOIL_TURN = _turns(1.1 * np.arange(12))
 SOIL_TINT = np.where(SOIL_WAVE > 0.3, 0.03, np.where(SOIL_WAVE > 0.05, 0.05, 0.12))
@@ -159,6 +163,36 @@ def drift(x: float, y: float, footprint: float, cover: float, salt: int) -> floa
         weight *= 0.62
     t = min(1.0, max(0.0, (n + 1.6 * (cover - 0.5)) / DRIFT_EDGE + 0.5))
     return t * t * (3.0 - 2.0 * t)
+
+
+@njit(cache=True, nogil=True)
+def ripple(
+    x: float, y: float, footprint: float, wind_x: float, wind_y: float, salt: int
+) -> tuple[float, float, float]:
+    """Return brightness and the two slopes of wind ripples at a point (m), for a steepest slope of 1.
+
+    Crests lie across the wind, which comes from (`wind_x`, `wind_y`); they bend, fork and die out. Ripples
+    narrower than two pixels of `footprint` (m) fade.
+    """
+    keep = fade(0.5 * RIPPLE[0], footprint)
+    if keep <= 0.0:
+        return 0.0, 0.0, 0.0
+    patch, _, _ = noise2(x / RIPPLE[1], y / RIPPLE[1], salt)
+    strength = keep * min(1.0, max(0.0, 0.5 + 1.6 * patch))
+    if strength <= 0.0:
+        return 0.0, 0.0, 0.0
+    along = (wind_x * x + wind_y * y) / RIPPLE[0]
+    aside = (wind_x * y - wind_y * x) / RIPPLE[0]
+    bend, b_along, b_aside = noise2(0.35 * along, 0.12 * aside, salt + 1)
+    phase = 6.283185307179586 * (along + RIPPLE[2] * bend)
+    # steeper in the lee: a second wave leans the crest
+    slope = (math.cos(phase) + 0.5 * math.cos(2.0 * phase + 0.6)) / 1.4
+    d_along = 1.0 + RIPPLE[2] * 0.35 * b_along
+    d_aside = RIPPLE[2] * 0.12 * b_aside
+    hx = strength * slope * (d_along * wind_x - d_aside * wind_y)
+    hy = strength * slope * (d_along * wind_y + d_aside * wind_x)
+    # coarser, darker grains gather on the crests
+    return -0.35 * strength * math.sin(phase), hx, hy
 
 
 @njit(cache=True, nogil=True)
