@@ -21,7 +21,7 @@ from rover_iface.cameras.model import Array
 from rover_iface.errors import CameraError, RenderError, TrackerError
 from rover_iface.localization.target_map import TargetMap
 from rover_iface.telemetry import TrackState
-from rover_iface.vision.tracker import Expects, StereoView, Tracker, TrackUpdate
+from rover_iface.vision.tracker import Expects, StereoView, TakesBack, Tracker, TrackUpdate
 
 logger = logging.getLogger(__name__)
 MOST_LOST = 0.25
@@ -93,7 +93,7 @@ class TargetFollower:
         self.cadence = cadence
         self.finder = finder
         self.corrections, self.pose_lost = 0, ""
-        self._saw = False
+        self._saw: set[str] = set()
         self.followed: dict[str, Followed] = {}
         profile = hardware.profile
         pointing_rad = math.hypot(profile.mast.bias_rad, profile.mast.noise_rad, TILT_RAD)
@@ -212,13 +212,20 @@ class TargetFollower:
         if self.finder is None or not looked:
             return
         seen = [followed for followed in looked if _seen(followed.update)]
-        if not seen and self._saw:
+        saw, self._saw = self._saw, {followed.target.id for followed in seen}
+        if not seen and saw:
             yield from self._find_pose(self.finder)
-            seen = [followed for followed in self.alive() if _seen(followed.update)]
-        self._saw = bool(seen)
+        for followed in looked:
+            if seen and followed.target.id in saw - self._saw and self._away_m(followed) < NEAR_M:
+                yield from self._take_back(self.finder, followed)
+        seen = [followed for followed in self.alive() if _seen(followed.update)]
         if seen:
             self.pose_lost = ""
             yield from self._keep(seen)
+
+    def _away_m(self, followed: Followed) -> float:
+        here = self.hardware.believed
+        return math.hypot(*(followed.update.position[:2] - (here.x, here.y)))
 
     def _look_at_all(self) -> Doing[list[Followed]]:
         """Look at every target that is due; gives those."""
@@ -231,10 +238,28 @@ class TargetFollower:
 
     def _keep(self, seen: list[Followed]) -> Doing[None]:
         """Keep a pair of the nearest of the targets in sight, by which the pose is found again."""
-        self._saw = True
+        self._saw |= {followed.target.id for followed in seen}
         if self.finder is not None:
-            nearest = min(seen, key=lambda one: float(self.hardware.get(f"range {one.target.id}") or 0.0))
-            yield from self.finder.keep(nearest.target.id, nearest.update.position, self.map)
+            yield from self.finder.keep(min(seen, key=self._away_m).update, self.map)
+
+    def _take_back(self, finder: PoseFinder, followed: Followed) -> Doing[None]:
+        """Look round for a target that was lost near by, while the others say that the pose is right."""
+        found = yield from finder.find(followed.target.id)
+        if isinstance(found, PoseFound) and not found.contradicts(self.map):
+            self._go_on(found)
+
+    def _go_on(self, found: PoseFound) -> None:
+        """Let the tracker go on from where the surroundings have a target."""
+        name, shown = found.stop.target, found.target
+        followed = self.followed.get(name)
+        if shown is None or followed is None or _seen(followed.update):
+            return
+        if isinstance(self.tracker, TakesBack):
+            update = self.tracker.take_back(name, *shown)
+            if update is not None:
+                followed.view = shown[0]
+                self._see(update)
+                self.tell(followed, update, None)
 
     def _find_pose(self, finder: PoseFinder) -> Doing[None]:
         """Look round for where the rover stands, and look at the targets again if that is elsewhere."""
@@ -250,6 +275,8 @@ class TargetFollower:
                 for followed in self.alive():
                     reasons = (*followed.update.reasons, told)
                     self.tell(followed, replace(followed.update, reasons=reasons), None)
+            else:
+                self._go_on(found)
         elif should_know:
             self.pose_lost = found
             logger.info("pose lost", extra={"t_s": self.hardware.t_s, "why": found})
@@ -267,7 +294,7 @@ class TargetFollower:
     def _due(self, followed: Followed) -> bool:
         here = self.hardware.believed
         moved = math.hypot(here.x - followed.seen_from[0], here.y - followed.seen_from[1])
-        away = math.hypot(*(followed.update.position[:2] - (here.x, here.y)))
+        away = self._away_m(followed)
         tracked = self.state(followed.target.id) is TrackState.TRACKED
         return not tracked or away < NEAR_M or moved >= self.cadence * away
 

@@ -28,7 +28,7 @@ from rover_iface.frames import Pose, wrap_angle
 from rover_iface.localization.target_map import TargetMap
 from rover_iface.vision.reacquisition import KnownPair, Reacquired, ReacquisitionOptions, searched
 from rover_iface.vision.sift_motion import Motion, cross
-from rover_iface.vision.tracker import StereoView
+from rover_iface.vision.tracker import StereoView, TrackUpdate
 
 LIMITS = ReacquisitionOptions()
 LOST_M, LOST_RAD = 0.5 * LIMITS.lost_m, 0.5 * LIMITS.lost_rad
@@ -42,6 +42,8 @@ NEAR_M = 1.5
 """How far it may have come from a pair that should be recognised: a step of 0.25 to 0.8 m, and a metre."""
 AGREED_M, AGREED_RAD = 0.1, math.radians(1.0)
 """How far apart poses of two pairs may be: three deviations of what a pair errs at 8 m."""
+PART_PX, PART_MARGIN_PX = 400, 24
+"""Side of the part of a whole frame that a tracker goes on from, and how much wider the right one is."""
 CONTRADICTS = 18.47
 """Squared distance, in deviations, from the map's pose, over which that is not believed: 99.9 % of chi square
 with four degrees of freedom."""
@@ -49,13 +51,15 @@ with four degrees of freedom."""
 
 @dataclass(frozen=True, eq=False)
 class KeptStop:
-    """A stop at which a target was in sight: its place (3,), believed site frame, m, and what was known then.
+    """A stop at which a target was in sight, and what was known then: where it was, believed site frame (3,),
+    m, with its covariance (3, 3), m^2.
 
     `known` is the pair with the target in it, `travelled_m` the reading of the odometer.
     """
 
     target: str
     point: Array
+    covariance: Array
     known: KnownPair
     pose: Pose
     map: TargetMap
@@ -80,14 +84,26 @@ class PoseFound:
     covariance: Array
     map: TargetMap
     stop: KeptStop
-    features: int
-    agreeing: int
+    answer: Reacquired
+
+    @property
+    def target(self) -> tuple[StereoView, Array, Array] | None:
+        """Return the part of the pair that shows the target, its place (3,), m, and covariance (3, 3), m^2,
+        with what it was known to before; None where it was not found.
+        """
+        answer, view = self.answer, self.answer.view
+        if view is None:
+            return None
+        away = float(np.linalg.norm(answer.position - view.left_camera.C))
+        across_m2 = (answer.error_px * away / view.left_camera.hs) ** 2
+        covariance = self.stop.covariance + answer.covariance + across_m2 * np.eye(3)
+        return _part(view, answer.position), answer.position, covariance
 
     def off(self, believed: Pose) -> str:
         """Return in words how far a pose was off."""
         far = math.hypot(self.pose.x - believed.x, self.pose.y - believed.y)
         turn = math.degrees(abs(wrap_angle(self.pose.heading - believed.heading)))
-        told = f"{self.agreeing} patches and {self.features} features of a pair kept"
+        told = f"{self.answer.agreeing} patches and {self.answer.features} features of a pair kept"
         return f"the rover stands {far:.2f} m and {turn:.1f} degrees from where it believed, by {told}"
 
     def contradicts(self, other: TargetMap) -> bool:
@@ -114,8 +130,9 @@ class PoseFinder:
         self._stops: deque[KeptStop] = deque(maxlen=KEPT)
         self._seen: list[StereoView] = []
 
-    def keep(self, target: str, point: Array, known: TargetMap) -> Doing[None]:
-        """Keep a pair of a target (3,), m, that is in sight, if the last one was taken too far from here."""
+    def keep(self, update: TrackUpdate, known: TargetMap) -> Doing[None]:
+        """Keep a pair of a target that is in sight, if the last one was taken too far from here."""
+        point = update.position
         here, travelled_m = self.hardware.believed, self.hardware.travelled_m
         away = math.hypot(point[0] - here.x, point[1] - here.y)
         if self._stops and travelled_m - self._stops[-1].travelled_m < max(KEEP_M, KEEP_SHARE * away):
@@ -123,19 +140,24 @@ class PoseFinder:
         view = yield from self._taken(self.near, point)
         if view is not None:
             known = copy.deepcopy(known)
-            self._stops.append(KeptStop(target, point, KnownPair(view, LIMITS), here, known, travelled_m))
+            pair = KnownPair(view, LIMITS)
+            covariance = update.covariance
+            self._stops.append(KeptStop(update.target, point, covariance, pair, here, known, travelled_m))
 
     @property
     def should_know(self) -> bool:
         """Return whether a pair is kept that was taken so near that it must be recognised."""
         return bool(self._stops) and self.hardware.travelled_m - self._stops[-1].travelled_m <= NEAR_M
 
-    def find(self) -> Doing[PoseFound | str]:
-        """Look for where the rover stands; gives that, or in words why it is not known."""
+    def find(self, target: str = "") -> Doing[PoseFound | str]:
+        """Look for where the rover stands, by any pair or by those of a target alone; gives that, or in words
+        why it is not known.
+        """
         poses: list[PoseFound] = []
         why = "no pair was kept"
         self._seen = []
-        for stop in list(reversed(self._stops))[:ASKED]:
+        stops = [stop for stop in reversed(self._stops) if target in ("", stop.target)]
+        for stop in stops[:ASKED]:
             answer = yield from self._searched(stop)
             if answer.motion is None:
                 why = answer.reasons[0]
@@ -187,7 +209,27 @@ class PoseFinder:
         covariance[3, 3] += 2.0 * stop.map.pointing_rad**2
         known = copy.deepcopy(stop.map)
         known.found(pose, pose, covariance)
-        return PoseFound(pose, covariance, known, stop, answer.features, answer.agreeing)
+        return PoseFound(pose, covariance, known, stop, answer)
+
+
+def _part(view: StereoView, point: Array) -> StereoView:
+    """Return what lies round a point (3,), m, in both images of a pair: a tracker is slow on whole frames."""
+    sides = []
+    for image, camera, margin in (
+        (view.left, view.left_camera, 0),
+        (view.right, view.right_camera, PART_MARGIN_PX),
+    ):
+        high = min(image.shape[0], PART_PX)
+        wide = min(image.shape[1], PART_PX + 2 * margin)
+        x, y = (round(float(v)) for v in camera.project(point))
+        left = min(max(x - wide // 2, 0), image.shape[1] - wide)
+        top = min(max(y - high // 2, 0), image.shape[0] - high)
+        cut = np.ascontiguousarray(image[top : top + high, left : left + wide])
+        sides.append((cut, camera.window(left, top, wide, high)))
+    (left_image, left_camera), (right_image, right_camera) = sides
+    return replace(
+        view, left=left_image, right=right_image, left_camera=left_camera, right_camera=right_camera
+    )
 
 
 def _in_the_middle(view: StereoView, point: Array) -> bool:

@@ -13,7 +13,16 @@ from rover_iface.cameras.model import Array, CameraModel
 from rover_iface.errors import TrackerError
 from rover_iface.telemetry import TrackState
 
-__all__ = ["Expects", "FindsBeside", "Image", "StereoView", "TrackState", "TrackUpdate", "Tracker"]
+__all__ = [
+    "Expects",
+    "FindsBeside",
+    "Image",
+    "StereoView",
+    "TakesBack",
+    "TrackState",
+    "TrackUpdate",
+    "Tracker",
+]
 
 Image = npt.NDArray[np.float32]
 
@@ -144,3 +153,17 @@ class Expects(Protocol):
 
     def expect(self, target: str, position: Array, covariance: Array) -> None:
         """Take where the next look should have a target (3,), m, and the covariance (3, 3), m^2, of that."""
+
+
+@runtime_checkable
+class TakesBack(Protocol):
+    """A tracker that goes on from where something else has found a target that it lost."""
+
+    def take_back(
+        self, target: str, view: StereoView, position: Array, covariance: Array
+    ) -> TrackUpdate | None:
+        """Return the answer about a target that a view shows at `position` (3,), m, frame of its cameras.
+
+        `covariance` (3, 3), m^2, is what that leaves open, all that was known before included. None where
+        stereo does not range it there.
+        """

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from rover_iface.behaviour.action import Doing
@@ -14,6 +15,9 @@ from rover_iface.behaviour.mast_cameras import SUBFRAME_PX
 from rover_iface.contract import write_contract_world
 from rover_iface.simulator.subframe_rover import make_rover
 from rover_iface.simulator.terrain_rover import TerrainRover
+from rover_iface.vision.correlation.judging import Judgement
+from rover_iface.vision.narrow.recall import NarrowRecall
+from rover_iface.vision.tracker import TrackState
 from tests.rover_iface.test_subframe_rover import do
 
 
@@ -53,6 +57,30 @@ def test_a_rover_whose_heading_jumped_finds_its_target_and_places(world: Path) -
     placed = do(rover, "ipplaceinstrument", target="T1")
     assert placed.values["made"] is True, placed.reason
     assert float(placed.values["placement_error_m"]) < 0.02
+
+
+def test_a_target_that_is_lost_near_by_is_taken_back_by_what_lies_round_it(
+    world: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Three of forty targets were lost 1.3 to 1.0 m away, on arrival."""
+    rover = make_rover(world, seed=4)
+    assert do(rover, "trackstart", target="T1").success
+    x, y = rover.body.targets["T1"].point[:2]
+    assert do(rover, "navigate", x=0.6 * x, y=0.6 * y, mode="track").success
+    follower = rover.repertoire.follower
+    assert follower.state("T1") is TrackState.TRACKED
+    narrow = follower.tracker
+    assert isinstance(narrow, NarrowRecall)
+    judged = Judgement(reasons=["matching back ends 12.0 px away, over 2.5"])
+    monkeypatch.setattr(narrow, "wide", None)
+    monkeypatch.setattr(narrow.tracker, "_find", lambda *a: judged)
+    monkeypatch.setattr(narrow.tracker, "_again", lambda *a: None)
+    for _ in follower.update_all():
+        pass
+    assert [r.state for r in rover.truth.history[-2:]] == ["lost", "tracked"]
+    assert rover.truth.history[-1].error_m < 0.01
+    told_m = math.sqrt(float(np.linalg.eigvalsh(follower.followed["T1"].update.covariance)[-1]))
+    assert 0.001 < told_m < 0.02
 
 
 def test_a_rover_that_recognises_nothing_says_so_and_claims_nothing(

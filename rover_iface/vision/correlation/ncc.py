@@ -226,6 +226,15 @@ class NccTracker:
         track.put = True
         return True
 
+    def take_back(
+        self, target: str, view: StereoView, position: Array, covariance: Array
+    ) -> TrackUpdate | None:
+        """See `TakesBack`."""
+        pixel = np.asarray(view.left_camera.project(position))
+        away = float(np.linalg.norm(position - view.left_camera.C))
+        drift = covariance, np.zeros((3, 2))
+        return self.last(target) if self.put(target, view, pixel, drift, away) else None
+
     def update(self, target: str, view: StereoView) -> TrackUpdate:
         """Find the target again after a move; see the module for the steps."""
         track = self._get(target)

@@ -193,7 +193,11 @@ class NarrowRecall:
             pair = _taken(self.wide, target, update.position)
             if pair is not None:
                 memory.asked, memory.share = eye, AGAIN
-                update = self._recalled(target, memory, pair, update)
+                found = self._recalled(target, memory, pair, update)
+                if found is not update:
+                    # its pixel is of the wider pair
+                    pixel = np.asarray(view.left_camera.project(found.position), dtype=np.float64)
+                    update = replace(found, pixel=pixel)
                 memory.refused = memory.refused + 1 if update.state is TrackState.LOST else 0
         if away > RECALL_M and _is_sought(memory, update, eye, away, view.t_s):
             update = self._from_afar(target, memory, view, update)
@@ -275,6 +279,16 @@ class NarrowRecall:
         template = self._beside.predict(source, view.left_camera, expected, source.point)
         found = None if template is None else self._beside.search(view.left, template, expected)
         return None if found is None or found.score < LEAST_SCORE else found.pixel
+
+    def take_back(
+        self, target: str, view: StereoView, position: Array, covariance: Array
+    ) -> TrackUpdate | None:
+        """See `TakesBack`; it is as well confirmed as the covariance says."""
+        update = self.tracker.take_back(target, view, position, covariance)
+        if update is not None and target in self._memories:
+            memory = self._memories[target]
+            memory.refused, memory.against, memory.confirmed = 0, None, True
+        return update
 
     def predicted(self, target: str) -> Array:
         """See `Tracker`."""
