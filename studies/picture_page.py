@@ -252,7 +252,8 @@ def _figure(value: float) -> str:
 
 def range_table(measured: Measured) -> str:
     """Return least and greatest over pictures of the means over their patches, and which share of them lies
-    within the real range."""
+    within the real range.
+    """
     kinds = "real", *LOOKS
     rows = []
     for size in SIZES:

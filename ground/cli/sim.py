@@ -75,6 +75,14 @@ def _sun(azimuth: float | None, elevation: float | None, lmst: float, ls: float,
     return Sun(SunClock.at(ls, latitude, lmst).direction(0.0))
 
 
+def _with_rover(renderer: Renderer, rover: str, pose: Pose) -> Renderer:
+    from rover_iface.profile import load_profile
+    from rover_iface.simulator.render.renderer import Renderer
+    from rover_iface.simulator.rover_in_view import RoverInView
+
+    return Renderer(RoverInView(renderer.scene, load_profile(rover), pose.site_from_rover))
+
+
 def _pose(ground: Terrain, x: float, y: float, heading: float) -> Pose:
     import math
 
@@ -102,6 +110,7 @@ def render(
     latitude: LatitudeOption = -4.6,
     samples: Annotated[int, typer.Option(min=1, max=4, help="rays per pixel along each axis")] = 1,
     truth: Annotated[bool, typer.Option(help="write ranges beside the image as .npz")] = False,
+    rover_in_view: Annotated[bool, typer.Option(help="with deck, mast, wheels and their shadow")] = False,
 ) -> None:
     """Render one image from where the rover stands."""
     import json
@@ -114,7 +123,10 @@ def render(
         ground, rig = _world(terrain, seed, rover)
         rig.mounted(camera)
         pose = _pose(ground, x, y, heading)
-        frame = _renderer(ground, seed, x, y).render(
+        renderer = _renderer(ground, seed, x, y)
+        if rover_in_view:
+            renderer = _with_rover(renderer, rover, pose)
+        frame = renderer.render(
             rig.camera(camera, math.radians(pan), math.radians(tilt)),
             pose,
             light,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -18,20 +18,31 @@ DECK_M = 0.06
 BAR_M = (0.10, 0.36, 0.10)
 
 _CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
-_SIDES = np.array(
+BOX_SIDES = np.array(
     [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
      [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
 )  # fmt: skip
 
 
 class OwnShadow:
-    """What the rover of a profile keeps the sun off, wherever `site_from_rover` says it is."""
+    """What the rover of a profile keeps the sun off, wherever `site_from_rover` says it is.
 
-    def __init__(self, profile: RoverProfile, site_from_rover: Callable[[], Transform]) -> None:
+    `bodies` are its parts, rover frame, m; boxes round them if absent.
+    """
+
+    def __init__(
+        self,
+        profile: RoverProfile,
+        site_from_rover: Callable[[], Transform],
+        *,
+        bodies: Sequence[SceneMesh] | None = None,
+    ) -> None:
         self._where = site_from_rover
         boxes = [*rover_boxes(profile)[0], *_upper_parts(profile)]
         self._scene = Scene(
-            [SceneMesh(low + _CORNERS * (high - low), _SIDES, material=Material.PLAIN) for low, high in boxes]
+            [SceneMesh(box_corners(box), BOX_SIDES, material=Material.PLAIN) for box in boxes]
+            if bodies is None
+            else bodies
         )
         corners = np.concatenate([np.asarray(box) for box in boxes])
         self._centre: Array = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
@@ -75,11 +86,20 @@ class ShadowedScene(Scene):
         return dark
 
 
+def box_corners(box: Array) -> Array:
+    """Return the corners (8, 3) of a box by its least and largest (2, 3), in the order of `BOX_SIDES`."""
+    return np.asarray(box[0] + _CORNERS * (box[1] - box[0]))
+
+
+def deck_box(profile: RoverProfile) -> Array:
+    """Return the box (2, 3), rover frame, m, of the deck, as long and wide as the rover."""
+    half, top = (profile.body.length_m / 2, profile.body.width_m / 2), profile.mast.base_m[2]
+    return np.array([[-half[0], -half[1], top - DECK_M], [half[0], half[1], top]])
+
+
 def _upper_parts(profile: RoverProfile) -> list[Array]:
-    """Return boxes (2, 3) of the deck, as long and wide as the rover, and of the bar with the cameras."""
-    body, mast = profile.body, profile.mast
-    half, top = (body.length_m / 2, body.width_m / 2), mast.base_m[2]
-    deck = np.array([[-half[0], -half[1], top - DECK_M], [half[0], half[1], top]])
+    """Return boxes (2, 3) of the deck and of the bar with the cameras."""
+    mast = profile.mast
     middle = np.array([mast.base_m[0], mast.base_m[1], mast.height_m])
     bar = np.stack((middle - 0.5 * np.array(BAR_M), middle + 0.5 * np.array(BAR_M)))
-    return [deck, bar]
+    return [deck_box(profile), bar]
