@@ -16,8 +16,9 @@ from rover_iface.localization.relief_map import ReliefMap
 from rover_iface.localization.stop_relief import StopView, view_of_panorama
 from rover_iface.simulator.render import shade
 from rover_iface.simulator.render.from_terrain import scene_from_terrain
+from rover_iface.simulator.render.look import Look
 from rover_iface.simulator.render.panorama import take_panorama
-from rover_iface.simulator.render.renderer import Look, Renderer, Sun
+from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.simulator.render.scene import Scene
 from rover_iface.terrain.generate import generate_terrain
 from rover_iface.terrain.terrain import Terrain
