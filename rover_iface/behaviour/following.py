@@ -246,20 +246,27 @@ class TargetFollower:
         """Look round for a target that was lost near by, while the others say that the pose is right."""
         found = yield from finder.find(followed.target.id)
         if isinstance(found, PoseFound) and not found.contradicts(self.map):
-            self._go_on(found)
+            yield from self._go_on(found)
 
-    def _go_on(self, found: PoseFound) -> None:
-        """Let the tracker go on from where the surroundings have a target."""
-        name, shown = found.stop.target, found.target
+    def _go_on(self, found: PoseFound) -> Doing[None]:
+        """Let the tracker go on from where the surroundings have a target, in a look of its own."""
+        name, place = found.stop.target, found.answer.position
         followed = self.followed.get(name)
-        if shown is None or followed is None or _seen(followed.update):
+        if followed is None or not found.answer.accepted or not isinstance(self.tracker, TakesBack):
             return
-        if isinstance(self.tracker, TakesBack):
-            update = self.tracker.take_back(name, *shown)
-            if update is not None:
-                followed.view = shown[0]
-                self._see(update)
-                self.tell(followed, update, None)
+        if _seen(followed.update):
+            return
+        yield from self.hardware.spend("track_update")
+        try:
+            sighting = self.eyes.stereo(place, track=name)
+        except (CameraError, TrackerError, RenderError):
+            return
+        covariance = found.target_covariance(self.hardware.profile.mast.noise_rad)
+        update = self.tracker.take_back(name, sighting.view, place, covariance)
+        if update is not None:
+            followed.view = sighting.view
+            self._see(update)
+            self.tell(followed, update, sighting.left.number)
 
     def _find_pose(self, finder: PoseFinder) -> Doing[None]:
         """Look round for where the rover stands, and look at the targets again if that is elsewhere."""
@@ -276,7 +283,7 @@ class TargetFollower:
                     reasons = (*followed.update.reasons, told)
                     self.tell(followed, replace(followed.update, reasons=reasons), None)
             else:
-                self._go_on(found)
+                yield from self._go_on(found)
         elif should_know:
             self.pose_lost = found
             logger.info("pose lost", extra={"t_s": self.hardware.t_s, "why": found})

@@ -42,8 +42,6 @@ NEAR_M = 1.5
 """How far it may have come from a pair that should be recognised: a step of 0.25 to 0.8 m, and a metre."""
 AGREED_M, AGREED_RAD = 0.1, math.radians(1.0)
 """How far apart poses of two pairs may be: three deviations of what a pair errs at 8 m."""
-PART_PX, PART_MARGIN_PX = 400, 24
-"""Side of the part of a whole frame that a tracker goes on from, and how much wider the right one is."""
 CONTRADICTS = 18.47
 """Squared distance, in deviations, from the map's pose, over which that is not believed: 99.9 % of chi square
 with four degrees of freedom."""
@@ -86,18 +84,15 @@ class PoseFound:
     stop: KeptStop
     answer: Reacquired
 
-    @property
-    def target(self) -> tuple[StereoView, Array, Array] | None:
-        """Return the part of the pair that shows the target, its place (3,), m, and covariance (3, 3), m^2,
-        with what it was known to before; None where it was not found.
+    def target_covariance(self, mast_rad: float) -> Array:
+        """Return the covariance (3, 3), m^2, of the target in a further look, what it was known to before
+        included; `mast_rad` is the error of the mast in each.
         """
         answer, view = self.answer, self.answer.view
-        if view is None:
-            return None
+        assert view is not None
         away = float(np.linalg.norm(answer.position - view.left_camera.C))
-        across_m2 = (answer.error_px * away / view.left_camera.hs) ** 2
-        covariance = self.stop.covariance + answer.covariance + across_m2 * np.eye(3)
-        return _part(view, answer.position), answer.position, covariance
+        across_rad = math.hypot(answer.error_px / view.left_camera.hs, math.sqrt(2.0) * mast_rad)
+        return np.asarray(self.stop.covariance + answer.covariance + (across_rad * away) ** 2 * np.eye(3))
 
     def off(self, believed: Pose) -> str:
         """Return in words how far a pose was off."""
@@ -210,26 +205,6 @@ class PoseFinder:
         known = copy.deepcopy(stop.map)
         known.found(pose, pose, covariance)
         return PoseFound(pose, covariance, known, stop, answer)
-
-
-def _part(view: StereoView, point: Array) -> StereoView:
-    """Return what lies round a point (3,), m, in both images of a pair: a tracker is slow on whole frames."""
-    sides = []
-    for image, camera, margin in (
-        (view.left, view.left_camera, 0),
-        (view.right, view.right_camera, PART_MARGIN_PX),
-    ):
-        high = min(image.shape[0], PART_PX)
-        wide = min(image.shape[1], PART_PX + 2 * margin)
-        x, y = (round(float(v)) for v in camera.project(point))
-        left = min(max(x - wide // 2, 0), image.shape[1] - wide)
-        top = min(max(y - high // 2, 0), image.shape[0] - high)
-        cut = np.ascontiguousarray(image[top : top + high, left : left + wide])
-        sides.append((cut, camera.window(left, top, wide, high)))
-    (left_image, left_camera), (right_image, right_camera) = sides
-    return replace(
-        view, left=left_image, right=right_image, left_camera=left_camera, right_camera=right_camera
-    )
 
 
 def _in_the_middle(view: StereoView, point: Array) -> bool:

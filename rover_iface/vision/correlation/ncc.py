@@ -222,6 +222,7 @@ class NccTracker:
         if match is None or match.score < limit:
             return False
         judged = Judgement(scores={"range_m": float(np.linalg.norm(match.point - view.left_camera.C))})
+        judged.scores["template_px"] = float(self.options.template_px)
         track.update = self._accept(target, track, view, pixel, match, drift, judged)
         track.put = True
         return True
