@@ -45,15 +45,15 @@ class FusedOptions:
         What the first and the second may be, with what a plane that leans otherwise hides (`relief_sigma_m`).
         Wider than for the other clouds, which err more: 20 and 30 mm are borne. With 20 and 28 mm here 2 of
         358 accepts were unsafe, with 19 and 26 none of 343; with 18.5 and 25 one of 119 (16066).
-    most_hole_m, beside_hole_m
-        Diameter of the largest hole, and what it may be at most beside the designated point: of 18 places
-        with one of 12.5 to 16 mm none was unsafe, of 9 with one to 18 mm 3 (16014 to 16066).
+    most_hole_m
+        Diameter of the largest hole: of 18 places with one of 12.5 to 16 mm none was unsafe, of 9 with one to
+        18 mm 3 (16014 to 16066).
     ending_margin_m, most_ending_m
         Diameter of the largest hole to so far round the tool. Stereo draws a surface by up to a centimetre
         over the edge behind which it sees nothing: on rock 44032 the narrow pair and the navcams had it under
         the whole tool, and a tenth of that hung over the edge. The hole beyond was 21 mm wide; at 11 other
-        accepted places of 44001 to 44022 it was 12 at most. Beside the designated point `beside_hole_m` is
-        the limit.
+        accepted places of 44001 to 44022 it was 12 at most. Beside the designated point
+        `most_hole_m` is the limit.
     bridged_m, bridged_relief_m, bridged_gap_rad
         A hole up to so wide does not count if what lies round it on all sides, no gap wider than the last,
         differs by no more than the second.
@@ -75,7 +75,6 @@ class FusedOptions:
     most_protrusion_m: float = 0.0175
     most_depth_m: float = 0.025
     most_hole_m: float = 0.015
-    beside_hole_m: float = 0.0125
     ending_margin_m: float = 0.015
     most_ending_m: float = 0.020
     bridged_m: float = 0.022

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -151,13 +150,11 @@ class NarrowLooks:
 
     def _strain(self, surface: FusedSurface) -> float:
         """Return the largest share of a limit that a place takes which nobody asked for: of those of its
-        relief, somewhat beyond the tool, and of its holes; infinite where it may end beside it.
+        relief, and of its holes, both somewhat beyond the tool.
         """
         options, sure = self.options, self._sure(surface)
-        if surface.ending_m > options.beside_hole_m:
-            return math.inf
         return max(
-            surface.hole_m / options.beside_hole_m,
+            max(surface.hole_m, surface.ending_m) / options.most_hole_m,
             (surface.wide_depth_m + sure) / options.most_depth_m,
             (surface.wide_protrusion_m + sure) / options.most_protrusion_m,
             surface.rms_m / self.joint.limits.most_rms_m,

@@ -142,7 +142,7 @@ class Search:
         the first of many that keep the limits lies at the border of what they allow.
         """
         good = self.looks.opinion(point).judged
-        if good is None or good.strain > self.check.limits.most_strain:
+        if good is None or good.strain > 1.0:
             return None
         if good.strain > self.check.limits.calm:
             self.fair.append(good)
