@@ -107,7 +107,7 @@ class Geology:
 def _surface(name: str, **values: float) -> Surface:
     """Return a surface with the slope and the blotches of the sandy look, and smoother rocks than others."""
     return Surface(
-        name, soil_slope=0.15, soil_mottle=0.4, gravel_mottle=0.8, stone_slope=0.04, mottle=0.05, **values
+        name, soil_slope=0.11, soil_mottle=0.4, gravel_mottle=0.8, stone_slope=0.04, mottle=0.05, **values
     )
 
 
@@ -122,12 +122,12 @@ GEOLOGIES: Mapping[str, Geology] = MappingProxyType(
                 surface=_surface(
                     "gusev",
                     banks=0.6,
-                    stones_per_m2=30.0,
+                    stones_per_m2=20.0,
                     stone_power=4.0,
-                    gravel=0.55,
-                    sand=0.6,
-                    grain=0.12,
-                    ripples=0.12,
+                    gravel=0.45,
+                    sand=0.7,
+                    grain=0.1,
+                    ripples=0.06,
                 ),
             ),
             Geology(
@@ -141,9 +141,9 @@ GEOLOGIES: Mapping[str, Geology] = MappingProxyType(
                     banks=0.5,
                     stones_per_m2=20.0,
                     stone_power=5.0,
-                    gravel=0.6,
-                    sand=0.25,
-                    grain=0.15,
+                    gravel=0.5,
+                    sand=0.45,
+                    grain=0.1,
                     ripples=0.04,
                 ),
             ),
@@ -160,7 +160,7 @@ GEOLOGIES: Mapping[str, Geology] = MappingProxyType(
                     stones_per_m2=130.0,
                     stone_power=1.8,
                     gravel=0.6,
-                    sand=0.2,
+                    sand=0.3,
                     grain=0.1,
                     ripples=0.0,
                 ),
@@ -173,12 +173,12 @@ GEOLOGIES: Mapping[str, Geology] = MappingProxyType(
                 surface=_surface(
                     "jezero",
                     banks=0.5,
-                    stones_per_m2=25.0,
+                    stones_per_m2=15.0,
                     stone_power=5.0,
-                    gravel=0.6,
-                    sand=0.4,
-                    grain=0.12,
-                    ripples=0.08,
+                    gravel=0.5,
+                    sand=0.6,
+                    grain=0.1,
+                    ripples=0.05,
                 ),
             ),
         )

@@ -12,6 +12,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from ground.cli import sim
+from ground.cli import terrain as terrain_commands
 from rover_iface.cameras.panorama import load_panorama
 from rover_iface.terrain import Recipe, generate_terrain, write_terrain
 
@@ -26,11 +27,16 @@ def terrain(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def run(*arguments: str) -> tuple[int, str]:
+def invoke(*arguments: str) -> tuple[int, str]:
     app = typer.Typer()
     sim.register(app)
-    result = CliRunner().invoke(app, ["sim", *arguments])
+    terrain_commands.register(app)
+    result = CliRunner().invoke(app, list(arguments))
     return result.exit_code, result.output
+
+
+def run(*arguments: str) -> tuple[int, str]:
+    return invoke("sim", *arguments)
 
 
 def test_render_writes_an_image_its_label_and_its_truth(terrain: Path, tmp_path: Path) -> None:
@@ -57,6 +63,28 @@ def test_render_writes_an_image_its_label_and_its_truth(terrain: Path, tmp_path:
     assert label["sun_direction"][0] < 0 < label["sun_direction"][2]  # afternoon: the sun in the west
     with np.load(out.with_suffix(".npz")) as truth:
         assert np.isfinite(truth["range_m"]).mean() > 0.5
+
+
+def test_a_generated_geology_is_rendered_with_the_rover_in_view(tmp_path: Path) -> None:
+    folder, out = tmp_path / "site", tmp_path / "view.png"
+    code, said = invoke("terrain", "generate", "--out", str(folder), "--size", "16", "--geology", "jezero")
+    assert code == 0, said
+    code, said = run(
+        "render", "--out", str(out), "--terrain", str(folder), "--camera", "hazcam_left", "--rover-in-view",
+        "--truth",
+    )  # fmt: skip
+    assert code == 0, said
+    with np.load(out.with_suffix(".npz")) as truth:
+        seen = {str(truth["ids"][k]) for k in np.unique(truth["object_index"]) if k >= 0}
+    assert "rover wheel" in seen
+    assert json.loads((folder / "terrain.json").read_text())["surface"]["geology"] == "jezero"
+
+
+def test_a_geology_that_is_not_known_is_named_with_those_that_are(tmp_path: Path) -> None:
+    code, said = invoke("terrain", "generate", "--out", str(tmp_path / "site"), "--geology", "mare")
+    assert code == 2
+    assert "geology 'mare' is not known; there are gusev, meridiani, gale, jezero" in said
+    assert not (tmp_path / "site").exists()
 
 
 def test_panorama_can_be_picked_from(terrain: Path, tmp_path: Path) -> None:

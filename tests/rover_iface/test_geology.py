@@ -256,6 +256,21 @@ def test_ripples_lie_across_the_wind_and_fade_with_the_pixel() -> None:
     assert not any(ripple(x, y, 0.06, 1.0, 0.0, 3)[0] for x, y in places[:200])
 
 
+def test_a_close_up_resolves_grains_and_a_navcam_does_not() -> None:
+    sun = Sun.from_angles(math.radians(240), math.radians(40))
+    scene = scene_from_terrain(plane(), radius_m=1.0, far_m=1.0, stones_per_m2=0.0, gravel=0.0)
+    changes = []
+    for away in (0.06, 2.0):
+        camera = pinhole(focal_px=1200, width=96, height=96, center=(0, 0, away), forward=(0.001, 0, -1))
+        plain, grainy = (
+            Renderer(scene, look=look).render(camera, None, sun, exposure=1.0, seed=2).unit
+            for look in (Look(), Look(close_up=1.0))
+        )
+        changes.append(float(np.abs(plain - grainy).mean() / plain.mean()))
+    assert changes[0] > 0.05
+    assert changes[1] == 0.0
+
+
 # ---- bad input
 
 
@@ -300,7 +315,7 @@ def test_a_malformed_surface_or_family_of_a_file_is_named(tmp_path: Path) -> Non
         load_terrain(tmp_path)
 
 
-@pytest.mark.parametrize(("name", "value"), [("ripples", 0.7), ("gravel_mottle", -1.0)])
+@pytest.mark.parametrize(("name", "value"), [("ripples", 0.7), ("gravel_mottle", -1.0), ("close_up", 2.0)])
 def test_a_look_that_cannot_be_is_refused(name: str, value: float) -> None:
     with pytest.raises(RenderError, match=str(value)):
         Look(**{name: value})

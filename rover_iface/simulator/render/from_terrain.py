@@ -88,6 +88,7 @@ def _look(surface: Surface) -> Look:
         gravel_mottle=surface.gravel_mottle,
         stone_slope=surface.stone_slope,
         mottle=surface.mottle,
+        close_up=1.0,
     )
 
 
@@ -235,8 +236,9 @@ def _stones(
     table = np.concatenate(draws)
     natural = terrain.surface is not None
     power = (terrain.surface or Surface()).stone_power
-    # broken off the rocks around, so of their colours; without a geology of any
-    colours = np.sort([r.albedo for r in terrain.rocks if natural and r.family != "plate"] or [0.13, 0.30])
+    # broken off the rocks around, so of their colours under dust; without a geology of any
+    stones = np.array([r.albedo for r in terrain.rocks if natural and r.family != "plate"] or [0.13, 0.30])
+    colours = np.sort(stones + 0.4 * (DUST_ALBEDO - stones))
     ranks = np.linspace(0.0, 1.0, len(colours))
     # fragments lie on their flat side, half in the soil
     low, spread, foot = (0.22, 0.3, 0.04) if natural else (0.45, 0.4, 0.12)

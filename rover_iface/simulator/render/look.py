@@ -27,6 +27,8 @@ class Look:
         Brightness of soil's grains that a pixel does not resolve, share of its albedo.
     gravel_mottle
         Factor on how much the brightness of gravel varies.
+    close_up
+        Strength of single grains of sand and of rock in pictures that resolve them, 0..1.
     ripples, wind_rad
         Steepest slope of the wind ripples on sand, 10 cm apart, and the azimuth that the wind comes from.
     """
@@ -41,6 +43,7 @@ class Look:
     ripples: float = 0.0
     wind_rad: float = 0.0
     gravel_mottle: float = 1.0
+    close_up: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.sand <= 1.0:
@@ -49,6 +52,8 @@ class Look:
             raise RenderError(f"look has grain of {self.grain}; 0 to 1 is possible")
         if not 0.0 <= self.ripples <= 0.5:
             raise RenderError(f"look has ripples of slope {self.ripples}; 0 to 0.5 is possible")
+        if not 0.0 <= self.close_up <= 1.0:
+            raise RenderError(f"look has grains in close-ups of strength {self.close_up}; 0 to 1 is possible")
         if not 0.0 <= self.gravel_mottle <= 2.0:
             raise RenderError(f"look has a gravel mottle of {self.gravel_mottle}; 0 to 2 is possible")
         if not 0.0 <= self.soil_mottle <= 4.0:

@@ -246,6 +246,7 @@ class Renderer:
                     look.ripples,
                     look.wind_rad,
                     look.gravel_mottle,
+                    look.close_up,
                 ]
             ),
             scene.seed,

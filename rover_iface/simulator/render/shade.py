@@ -16,10 +16,15 @@ from rover_iface.simulator.render.texture import (
     grains,
     gravel,
     ripple,
+    rock_grains,
+    sand_grains,
     scramble,
     soil,
     stone,
 )
+
+CLOSE_UP_M = 1.0e-3
+"""Pixels wider than this resolve no grain."""
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
@@ -126,22 +131,23 @@ def radiance(
 
     `parameters`: soil slope, stone slope, stone mottle, extra light from the ground, factor on the soil's
     brightness, share of the ground under sand, brightness of unresolved grains, slope of wind ripples,
-    azimuth of the wind, factor on the gravel's brightness. Photometry is Lunar-Lambert (McEwen 1996), `limb`
-    its weight.
+    azimuth of the wind, factor on the gravel's brightness, strength of grains in close-ups. Photometry is
+    Lunar-Lambert (McEwen 1996), `limb` its weight.
 
     Of n rays: `tfar` (m), `prim`, `base`, `loose`, `lit` and `out` [n], `directions`, `points` and `normal`
     [n, 3], as `surface` fills them; site axes. `objects` [triangles] is the body of each, `materials`
     [bodies]; `origin` [3], m, is that of the points, `sun` [3] the unit direction to the sun; `parameters`
-    [10], [7] for sand without ripples, or [4] for soil without sand.
+    [11], [7] for sand without ripples, or [4] for soil without sand.
     """
     soil_slope, stone_slope, mottle, bounce = parameters[0], parameters[1], parameters[2], parameters[3]
     soil_mottle, sand, grain = 1.0, 0.0, 0.0
     if parameters.shape[0] > 4:
         soil_mottle, sand, grain = parameters[4], parameters[5], parameters[6]
     ripples, wind_x, wind_y, gravel_mottle = 0.0, 1.0, 0.0, 1.0
+    close_up = 0.0
     if parameters.shape[0] > 7:
         ripples, wind_x, wind_y = parameters[7], math.cos(parameters[8]), math.sin(parameters[8])
-        gravel_mottle = parameters[9]
+        gravel_mottle, close_up = parameters[9], parameters[10]
     level = math.sqrt(max(1e-9, sun[0] * sun[0] + sun[1] * sun[1]))
     sun_x, sun_y = sun[0] / level, sun[1] / level
     sun_slope = max(0.05, sun[2] / level)
@@ -175,6 +181,11 @@ def radiance(
                 tint += steep * t
                 gx += steep * hx
                 gy += steep * hy
+            if close_up > 0.0 and footprint < CLOSE_UP_M:
+                t, hx, hy = sand_grains(x, y, footprint, seed + 1511)
+                tint += close_up * t
+                gx += close_up * hx
+                gy += close_up * hy
             if grain > 0.0:
                 tint += grain * grains(x, y, footprint, seed + 911)
             if stones > 0.0:
@@ -185,6 +196,12 @@ def radiance(
                 shade = max(shade, s)
         elif material == 1:
             tint, gx, gy, gz = stone(x, y, z, footprint, stone_slope, mottle, seed + 303)
+            if close_up > 0.0 and footprint < CLOSE_UP_M:
+                tx, hx, hy, hz = rock_grains(x, y, z, nx, ny, nz, footprint, seed + 1601)
+                tint += close_up * tx
+                gx += close_up * hx
+                gy += close_up * hy
+                gz += close_up * hz
             tint += 0.22 * (nz - 0.3)  # dust settles on what faces up
         along = gx * nx + gy * ny + gz * nz
         nx, ny, nz = nx - (gx - along * nx), ny - (gy - along * ny), nz - (gz - along * nz)

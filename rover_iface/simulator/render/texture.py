@@ -46,6 +46,14 @@ more sharply parted into quiet and rough than those of Mars frames (`studies/pic
 DRIFT_TINT = 0.07
 """By how much sand is brighter than the soil around; by eye, after Spirit's Pancam frame."""
 
+SAND_GRAIN = 1.4e-3, 0.35e-3, 0.4
+"""Grains of sand: size of the coarse and of the fine, m, and which share of the places has a coarse one.
+Ripples at Gusev and Meridiani have crests of 1 to 2 mm on sand of 0.1 to 0.4 mm (Sullivan et al. 2008)."""
+
+ROCK_GRAIN = 0.5e-3, 0.35
+"""Grains of rock: size, m (medium sand and crystals, as of sandstones and basalts), and how much of the
+relief and contrast of loose sand they have; by eye."""
+
 RIPPLE = 0.10, 1.4, 0.55
 """Ripples of sand: distance of crests and size of their patches, m, and by how much of their distance they
 are bent; by eye, Spirit's Navcam frame of sol 1869."""
@@ -163,6 +171,65 @@ def drift(x: float, y: float, footprint: float, cover: float, salt: int) -> floa
         weight *= 0.62
     t = min(1.0, max(0.0, (n + 1.6 * (cover - 0.5)) / DRIFT_EDGE + 0.5))
     return t * t * (3.0 - 2.0 * t)
+
+
+@njit(cache=True, nogil=True)
+def sand_grains(x: float, y: float, footprint: float, salt: int) -> tuple[float, float, float]:
+    """Return brightness and two slopes of grains of sand at a point (m), coarse ones on a bed of fine ones.
+
+    A grain is a cap round a point of a jittered lattice, the gaps between are dark; grains that a pixel of
+    `footprint` (m) does not resolve fade.
+    """
+    tint, hx, hy = 0.0, 0.0, 0.0
+    for level in range(2):
+        cell = SAND_GRAIN[level]
+        keep = fade(0.7 * cell, footprint)
+        if keep <= 0.0:
+            continue
+        gi, gj = math.floor(x / cell), math.floor(y / cell)
+        best, bx, by, hue = 4.0, 0.0, 0.0, 0.5
+        for di in range(-1, 2):
+            for dj in range(-1, 2):
+                i, j = gi + di, gj + dj
+                h = scramble(i, j, level + 17, salt)
+                if level == 0 and (h >> 24) > 255.0 * SAND_GRAIN[2]:
+                    continue
+                ex = x / cell - i - 0.15 - 0.7 * (h & 255) / 255.0
+                ey = y / cell - j - 0.15 - 0.7 * ((h >> 8) & 255) / 255.0
+                away = ex * ex + ey * ey
+                if away < best:
+                    best, bx, by, hue = away, ex, ey, ((h >> 16) & 255) / 255.0
+        if level == 0 and best > 0.2:  # no coarse grain here
+            continue
+        edge = min(1.0, best / 0.3)
+        tint = keep * (0.5 * (hue - 0.5) - 0.35 * edge * edge)
+        # the side of a ball, no steeper than its foot is hidden by its neighbours
+        hx, hy = -1.6 * keep * bx, -1.6 * keep * by
+        if level == 0:
+            break
+    return tint, hx, hy
+
+
+@njit(cache=True, nogil=True)
+def rock_grains(
+    x: float, y: float, z: float, nx: float, ny: float, nz: float, footprint: float, salt: int
+) -> tuple[float, float, float, float]:
+    """Return brightness and three slopes of the grains of rock at a point (m) with normal (`nx`, `ny`, `nz`).
+
+    They are those of sand, larger and worn: laid on the plane of two axes that the surface is nearest to.
+    """
+    k = SAND_GRAIN[1] / ROCK_GRAIN[0]
+    if abs(nz) >= abs(nx) and abs(nz) >= abs(ny):
+        t, a, b = sand_grains(k * x, k * y, k * footprint, salt)
+        hx, hy, hz = a, b, 0.0
+    elif abs(nx) >= abs(ny):
+        t, a, b = sand_grains(k * y, k * z, k * footprint, salt)
+        hx, hy, hz = 0.0, a, b
+    else:
+        t, a, b = sand_grains(k * x, k * z, k * footprint, salt)
+        hx, hy, hz = a, 0.0, b
+    worn = ROCK_GRAIN[1]
+    return worn * t, worn * hx, worn * hy, worn * hz
 
 
 @njit(cache=True, nogil=True)
