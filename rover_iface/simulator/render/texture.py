@@ -216,7 +216,7 @@ def rock_grains(
 ) -> tuple[float, float, float, float]:
     """Return brightness and three slopes of the grains of rock at a point (m) with normal (`nx`, `ny`, `nz`).
 
-    They are those of sand, larger and worn: laid on the plane of two axes that the surface is nearest to.
+    They are those of sand, larger and worn, projected along the axis that the normal is nearest to.
     """
     k = SAND_GRAIN[1] / ROCK_GRAIN[0]
     if abs(nz) >= abs(nx) and abs(nz) >= abs(ny):
