@@ -105,9 +105,11 @@ class Geology:
 
 
 def _surface(name: str, **values: float) -> Surface:
-    """Return a surface with the slope and the blotches of the sandy look, and smoother rocks than others."""
+    """Return a surface with the blotches of the sandy look and a slope between its and the default's, and with
+    smoother rocks than others.
+    """
     return Surface(
-        name, soil_slope=0.11, soil_mottle=0.4, gravel_mottle=0.8, stone_slope=0.04, mottle=0.05, **values
+        name, soil_slope=0.13, soil_mottle=0.4, gravel_mottle=0.8, stone_slope=0.04, mottle=0.05, **values
     )
 
 
@@ -124,9 +126,9 @@ GEOLOGIES: Mapping[str, Geology] = MappingProxyType(
                     banks=0.6,
                     stones_per_m2=20.0,
                     stone_power=4.0,
-                    gravel=0.45,
-                    sand=0.7,
-                    grain=0.1,
+                    gravel=0.5,
+                    sand=0.65,
+                    grain=0.12,
                     ripples=0.06,
                 ),
             ),
@@ -141,9 +143,9 @@ GEOLOGIES: Mapping[str, Geology] = MappingProxyType(
                     banks=0.5,
                     stones_per_m2=20.0,
                     stone_power=5.0,
-                    gravel=0.5,
-                    sand=0.45,
-                    grain=0.1,
+                    gravel=0.55,
+                    sand=0.4,
+                    grain=0.12,
                     ripples=0.04,
                 ),
             ),
@@ -161,7 +163,7 @@ GEOLOGIES: Mapping[str, Geology] = MappingProxyType(
                     stone_power=1.8,
                     gravel=0.6,
                     sand=0.3,
-                    grain=0.1,
+                    grain=0.12,
                     ripples=0.0,
                 ),
             ),
@@ -175,9 +177,9 @@ GEOLOGIES: Mapping[str, Geology] = MappingProxyType(
                     banks=0.5,
                     stones_per_m2=15.0,
                     stone_power=5.0,
-                    gravel=0.5,
-                    sand=0.6,
-                    grain=0.1,
+                    gravel=0.55,
+                    sand=0.5,
+                    grain=0.12,
                     ripples=0.05,
                 ),
             ),
