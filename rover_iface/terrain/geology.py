@@ -105,8 +105,8 @@ class Geology:
 
 
 def _surface(name: str, **values: float) -> Surface:
-    """Return a surface with the blotches of the sandy look and a slope between its and the default's, and with
-    smoother rocks than others.
+    """Return a surface with the blotches of the sandy look, a slope between its and the default's, and rocks
+    smoother than others'.
     """
     return Surface(
         name, soil_slope=0.13, soil_mottle=0.4, gravel_mottle=0.8, stone_slope=0.04, mottle=0.05, **values
