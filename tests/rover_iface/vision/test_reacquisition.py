@@ -95,6 +95,47 @@ def test_a_range_that_is_off_in_the_first_pair_is_mended_by_the_targets_own_patc
     assert away == pytest.approx(np.linalg.norm(target() - now[1].camera.C), abs=0.05)
 
 
+def test_a_target_that_only_the_left_picture_shows_is_looked_at_again() -> None:
+    """Nine of nine targets of one world were refused so: at 2.1 m the right camera shows 105 px less."""
+    known = KnownPair(pair(-5.0)[0])
+    now, left = pair(-4.5, 0.4, 0.0, SUN, lost_pose(-4.5, 0.4, (0.3, -0.5), 5.0))
+    there = now.right_camera.project(lost_pose(-4.5, 0.4, (0.3, -0.5), 5.0).apply(target()))
+    cut = round(float(there[0])) + 6
+    narrower = StereoView(
+        now.left,
+        np.ascontiguousarray(now.right[:, cut:]),
+        now.left_camera,
+        now.right_camera.window(cut, 0, now.right.shape[1] - cut, now.right.shape[0]),
+    )
+    asked: list[Array] = []
+
+    def look(point: Array) -> StereoView:
+        asked.append(point)
+        return narrower if len(asked) == 1 else now
+
+    answer = reacquire(known, target(), look)
+    assert answer.accepted, answer.reasons
+    assert len(asked) == 2
+    assert np.hypot(*(answer.pixel - left.camera.project(target()))) < 1.0
+
+
+def test_a_narrow_window_keeps_to_the_range_that_is_expected() -> None:
+    """A spot 6 px of disparity beside looks more like the target than its own in the other image."""
+    view = pair(-5.0)[0]
+    eye = view.left_camera.C
+    away = float(np.linalg.norm(target() - eye))
+    at = view.left_camera.project(target())
+    x, y = (round(float(v)) for v in view.right_camera.project(target()))
+    column, row = (round(float(v)) for v in at)
+    rng = np.random.default_rng(4)
+    right = view.right.copy()
+    right[y - 2 : y + 3, x - 2 : x + 3] += rng.normal(0.0, 0.02, (5, 5)).astype(np.float32)
+    right[y - 12 : y + 13, x - 18 : x - 2] = view.left[row - 12 : row + 13, column - 12 : column + 4]
+    found = reacquisition._fine(replace(view, right=right), np.asarray(at), away)
+    assert found is not None
+    assert abs(float(np.linalg.norm(found.point - eye)) - away) < 0.25
+
+
 def test_a_pose_farther_off_than_a_rover_can_lose_is_refused() -> None:
     now, _ = pair(-4.5, 0.4, 0.0, SUN, lost_pose(-4.5, 0.4, (1.8, 0.0), 0.0))
     answer = found(now)
