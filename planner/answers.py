@@ -91,8 +91,8 @@ def with_plan(
     watch.report(Progress(0.9, "bounds", watch.best_value, None, count_branches(plan), plan))
     expected, check = choice.values[-1], choice.check
     lower = max(0.0, check.mean - SURE * check.standard_error) if check is not None else 0.0
-    upper = bounded(order, part.whole(), prices, lower)
     tree = annotated(order, model, PlanTree(order.problem.name, with_ids(plan), order.strategy))
+    upper = bounded(order, part.whole(), prices, lower)  # last: it may use what the rest has left
     known = found.optimum if part.exact else None
     return _told(
         order,

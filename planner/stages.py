@@ -62,9 +62,8 @@ LIVE_SET_S = 4e-4
 MANY_TARGETS = 8
 """Targets up to which `PlannerOptions.bound_s` is meant."""
 
-LEFT_SHARE = 0.7
-"""Share of what is left of the limit for the bound of many targets. By hand: linear programs come beside, and
-notes on the plan take up to 10 s."""
+LEFT_SHARE = 0.85
+"""Share of what is left of the limit for the bound of many targets. By hand: linear programs come beside."""
 
 WIDTH, AGAIN = 0.02, 1.5
 """Share of the bound by which a plan of many targets may lie below it; else the bound is asked for again,
@@ -411,7 +410,7 @@ def bounded(order: Order, model: Model, prices: Sequence[float], lower: float = 
     watch, options = order.watch, order.options
     more = options.bound_s_per_target * max(0, model.n - MANY_TARGETS)
     timed = order.iterations is None  # who counts steps instead has no limit of which something is left
-    more = max(0.0, min(more, LEFT_SHARE * watch.left_s())) if timed else 0.0
+    more = max(0.0, min(more, LEFT_SHARE * watch.left_s() - options.bound_s)) if timed else 0.0
     seconds = options.hasty_bound_s if order.quick else options.bound_s + more
     allowed_s, before_s = min(max(LEAST_BOUND_S, watch.left_s()), seconds), watch.work_s()
     upper = _least_bound(order, model, prices, allowed_s)

@@ -24,8 +24,11 @@ from planner.tally import SECONDS, Step, now_s
 GRIDS = tuple((nt, nt * 7 // 12) for nt in (25, 33, 49, 65, 97, 145, 193, 257, 385, 513, 769))
 """Nodes in time and energy of a table that rounds down."""
 
-CLOSE_GRIDS = tuple((nt, nt * 7 // 6) for nt in (25, 33, 41, 49, 57, 65, 81, 97, 129, 161))
-"""Those of a table of functions above the value: drives scatter less in energy than in time."""
+CLOSE_GRIDS = tuple(
+    (nt, nt * 7 // 6) for nt in (25, 29, 33, 37, 41, 45, 49, 53, 57, 65, 73, 81, 97, 129, 161)
+)
+"""Those of a table of functions above the value: drives scatter less in energy than in time, and each takes a
+third more than the one before, so that little of a limit is left over."""
 
 CLOSE_FROM_S, DOWN_SHARE = 1.0, 0.15
 """Limit from which both tables are made, and the share of it for the one that rounds down: it is closer where
