@@ -33,7 +33,7 @@ from tests.rover_iface.worlds import plane
 SHAPED: tuple[Family, ...] = ("slab", "plate", "block", "layered", "ventifact", "rounded")
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=4)
 def site(name: str = "meridiani") -> Terrain:
     """A small site of a geology, quick to make."""
     return generate_terrain(5, 24.0, inner_m=12.0, rock_cover=0.1, geology=GEOLOGIES[name], ortho=False)
@@ -185,6 +185,13 @@ def test_a_geology_has_its_families_and_colours(name: str) -> None:
         assert any(abs(rock.albedo - s.mean) <= 5 * s.spread for s in kind.stones)
     near = [min(abs(r.albedo - s.mean) for s in kind.stones) for r in rocks]
     assert np.median(near) < 0.04
+
+
+def test_a_plain_of_sand_buries_the_share_of_its_rocks_and_moves_none() -> None:
+    many, few = ({(r.x, r.y) for r in site(n).rocks if r.family != "plate"} for n in ("gusev", "jezero"))
+    assert few < many
+    spread = math.sqrt(len(many) * 0.2 * 0.8)
+    assert abs(len(few) - 0.2 * len(many)) < 4 * spread
 
 
 def test_a_geology_survives_its_files(tmp_path: Path) -> None:
