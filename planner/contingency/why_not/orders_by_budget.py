@@ -213,19 +213,23 @@ class OrdersByBudget:
 
     def best(self, how: Widened, at: int, *, holds: bool, most: int = 1) -> list[tuple[float, Order]]:
         """Return the best orders known at factor number `at`, with their values, best first; of those that
-        hold the observation asked for, or of the others. Of orders worth the same, whose ends no future
-        comes to, the longest and the shortest stand for all: in more futures some may come there.
+        hold the observation asked for, or of the others. Of orders worth the same here and with a little more
+        time or energy, whose ends no future comes to, the longest and the shortest stand for all: in more
+        futures some may come there.
         """
         worths, numbers = self._worths(how, at, holds=holds)
-        found: dict[float, list[Order]] = {}
+        next_to = min(how.column(at) + 1, len(self.factors) - 1)
+        found: dict[tuple[float, ...], list[Order]] = {}
         for k in np.argsort(-worths[:, 0], kind="stable"):
             value = round(float(worths[k, 0]), 9)
-            if value == -math.inf or (len(found) == most and value not in found):
+            # Orders that end alike differ there if they begin otherwise and earn as much by chance.
+            worth = (value, *self._curves[numbers[k], [TIME, ENERGY], next_to].tolist())
+            if value == -math.inf or (len(found) == most and worth not in found):
                 break
-            found.setdefault(value, []).append(self._orders[numbers[k]])
+            found.setdefault(worth, []).append(self._orders[numbers[k]])
         return [
-            (value, order)
-            for value, alike in found.items()
+            (worth[0], order)
+            for worth, alike in found.items()
             for order in dict.fromkeys((max(alike, key=len), min(alike, key=len)))
         ]
 
