@@ -124,7 +124,7 @@ def _bedded(
         directions[:, 2] - slope * (directions[:, 0] * math.cos(strike) + directions[:, 1] * math.sin(strike))
     )
     bed = np.searchsorted(edges, height)
-    cut = back[bed] * (1.0 + 0.6 * np.sin(lobes[bed] * azimuth + phase[bed]))
+    cut = back[bed] * (1.0 + 0.3 * np.sin(lobes[bed] * azimuth + phase[bed]))
     flank = np.clip(np.hypot(directions[:, 0], directions[:, 1]) * reach / 0.5, 0.0, 1.0)
     return np.asarray(reach * (1.0 - flank * cut))
 
@@ -181,7 +181,7 @@ def _layered(body: Body, directions: Array) -> Array:
     planes = _sides(rng, int(rng.integers(4, 8)), 0.25)
     planes += [_plane(rng.uniform(0, math.tau), math.cos(rng.uniform(0.0, 0.4)), 0.5), (0.0, 0.0, -1.0, 0.5)]
     reach = _within(np.array(planes), directions)
-    reach = _bedded(rng, body, directions, reach, deep=0.14, dip_rad=rng.uniform(0.0, 0.35))
+    reach = _bedded(rng, body, directions, reach, deep=0.10, dip_rad=rng.uniform(0.0, 0.35))
     reach = reach + _waves(rng, directions, (4.0, 9.0, 16.0), 0.016)
     return _cracked(rng, body, directions, reach, int(rng.integers(0, 2)))
 
