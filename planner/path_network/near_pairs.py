@@ -16,7 +16,10 @@ SECTORS, NEAREST, LOOKED_AT = 12, 3, 400
 """Directions in which near corners are looked for, corners in each, and neighbours that they come from. By
 hand: 36 segments to be looked at from a corner, of about 25 obstacles round it."""
 
-_PER_CELL = 32.0  # by hand: nodes in a cell of the grid, so that some 5 by 5 cells hold those looked at
+_PER_CELL, _MOST_CELLS = 32.0, 1_000_000
+"""Nodes in the cell of a node, in the mean, up to which cells are halved, and how many cells there are at
+most. By hand: some 5 by 5 cells hold those looked at, also where all obstacles lie in a corner of the map.
+"""
 
 
 def near_pairs(xy: FloatArray, before: FloatArray, after: FloatArray) -> IntArray:
@@ -27,14 +30,17 @@ def near_pairs(xy: FloatArray, before: FloatArray, after: FloatArray) -> IntArra
     """
     low = xy.min(axis=0)
     size = xy.max(axis=0) - low
-    cell_m = max(
-        float(np.sqrt(max(size.prod(), 1e-6) * _PER_CELL / len(xy))), float(size.max()) / len(xy), 1e-6
-    )
-    shape = (size / cell_m).astype(np.int64) + 1
-    column, row = ((xy - low) / cell_m).astype(np.int64).T
-    cell = column * shape[1] + row
+    cell_m = max(float(size.max()), 1e-6)
+    while True:
+        shape = (size / cell_m).astype(np.int64) + 1
+        column, row = ((xy - low) / cell_m).astype(np.int64).T
+        cell = column * shape[1] + row
+        held = np.bincount(cell, minlength=shape.prod())
+        if held[cell].mean() <= _PER_CELL or 4 * shape.prod() > _MOST_CELLS:
+            break
+        cell_m /= 2.0
     order = np.argsort(cell, kind="stable")
-    begin = np.searchsorted(cell[order], np.arange(shape.prod() + 1))
+    begin = np.concatenate([[0], np.cumsum(held)])
     return np.asarray(_near(xy - low, before - low, after - low, cell_m, shape, order, begin))
 
 
@@ -82,7 +88,7 @@ def _around(
                 inside += (xy[node, 0] - at[0]) ** 2 + (xy[node, 1] - at[1]) ** 2 < sure * sure
             if inside >= LOOKED_AT or whole:
                 return found
-        reach += 1
+        reach += 1 + reach // 4
 
 
 @numba.njit(cache=True, nogil=True)

@@ -116,9 +116,11 @@ def test_all_tangent_pairs_are_those_of_the_definition() -> None:
     assert tangent_pairs(xy, before, after).tolist() == expected
 
 
-@pytest.mark.parametrize("rocks", [6, 60])  # fewer nodes than are looked at, and more
-def test_near_pairs_are_the_nearest_tangent_ones_in_each_direction(rocks: int) -> None:
+@pytest.mark.parametrize(("rocks", "away_m"), [(6, 0.0), (60, 0.0), (60, 2000.0)])
+def test_near_pairs_are_the_nearest_tangent_ones_in_each_direction(rocks: int, away_m: float) -> None:
+    """Of fewer nodes than are looked at, of more, and of those with one far from all others."""
     xy, before, after = _corners(2, rocks)
+    xy[0] += away_m
     found: dict[int, list[int]] = {}
     for a, b in near_pairs(xy, before, after).tolist():
         found.setdefault(a, []).append(b)
