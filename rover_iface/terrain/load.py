@@ -38,7 +38,7 @@ from rover_iface.terrain.grid import HeightLayer, Ortho
 from rover_iface.terrain.mesh import MESHES, load_mesh_terrain
 from rover_iface.terrain.outside import inside, opened_image
 from rover_iface.terrain.panorama_files import copied_panorama, panorama_files
-from rover_iface.terrain.rocks import ROCKS, Rock, rock_listing
+from rover_iface.terrain.rocks import ROCKS, Rock, rocks_text
 from rover_iface.terrain.surface import Surface
 from rover_iface.terrain.terrain import Terrain
 
@@ -339,9 +339,6 @@ def write_terrain(terrain: Terrain, folder: Path | str) -> Path:
         terrain.surface,
     )
     if terrain.rocks:
-        listing = rock_listing(terrain.rocks)
-        (folder / "rocks.json").write_text(
-            json.dumps(listing, separators=(",", ":")) + "\n", encoding="utf-8"
-        )
+        (folder / "rocks.json").write_text(rocks_text(terrain.rocks), encoding="utf-8")
     (folder / "terrain.json").write_text(TERRAINS.write(described, indent=1) + "\n", encoding="utf-8")
     return folder

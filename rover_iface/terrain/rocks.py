@@ -10,6 +10,7 @@ family than `boulder` are shaped by `rover_iface.terrain.rock_shapes`.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from mission.codec import Codec, Document
+from mission.codec import Codec
 from mission.values import Positive, Share, reads_over, value
 from rover_iface.errors import TerrainFormatError
 from rover_iface.terrain.rock_shapes import SHARP, Body, Family, radii
@@ -68,14 +69,14 @@ ROCKS = Codec(
 OF_A_GEOLOGY = "family", "albedo", "dust", "sides", "lean"
 
 
-def rock_listing(rocks: Sequence[Rock]) -> Document:
-    """Return the `rocks/1` document; members that only a geology sets are left out of other rocks."""
+def rocks_text(rocks: Sequence[Rock]) -> str:
+    """Return the `rocks/1` document as text; members that only a geology sets are left out of other rocks."""
     listing = ROCKS.document(RockList(tuple(rocks)))
     for rock, entry in zip(rocks, listing["rocks"], strict=True):
         if rock.family == "boulder":
             for name in OF_A_GEOLOGY:
                 del entry[name]
-    return listing
+    return json.dumps(listing, separators=(",", ":")) + "\n"
 
 
 @dataclass(frozen=True, eq=False)
