@@ -10,6 +10,7 @@ import typer
 from ground.cli.failure import fail, refusals
 from ground.cli.geo_group.from_images import from_images
 from ground.cli.geo_group.glb import glb
+from ground.cli.geo_group.new_terrain import Replace, refuse_over
 
 terrain = typer.Typer(name="terrain", help="Make, import and look at terrain.", no_args_is_help=True)
 
@@ -34,10 +35,12 @@ def generate(
     geology: Annotated[
         str | None, typer.Option(help="rocks, bedrock and sand of gusev, meridiani, gale or jezero")
     ] = None,
+    replace: Replace = False,
 ) -> None:
     """Generate a terrain from a seed."""
     from rover_iface.terrain import Recipe, generate_terrain, geology_named, write_terrain
 
+    refuse_over(out, replace)
     with refusals():
         made = generate_terrain(
             recipe=Recipe(
@@ -66,11 +69,13 @@ def import_mesh(
     radius: Annotated[float | None, typer.Option(help="half width to keep, metres")] = None,
     skip: Annotated[list[str] | None, typer.Option(help="node to leave out")] = None,
     allow_holes: Annotated[bool, typer.Option(help="take a mesh with holes")] = False,
+    replace: Replace = False,
 ) -> None:
     """Make a terrain folder from a mesh."""
     from rover_iface.terrain import write_terrain
     from rover_iface.terrain.mesh import load_mesh_terrain
 
+    refuse_over(out, replace)
     with refusals():
         made = load_mesh_terrain(
             mesh,

@@ -134,7 +134,7 @@ def test_one_command_makes_terrain_panorama_and_mission(
     code, said = run(*asked)
     assert code == 2
     assert "--under-rover" in said
-    code, said = run(*asked, "--under-rover", "3")
+    code, said = run(*asked, "--under-rover", "3", "--replace")
     assert code == 0, said
     assert "2N0LEFT: " in said
     assert "% seen" in said

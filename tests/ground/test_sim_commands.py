@@ -87,6 +87,20 @@ def test_a_geology_that_is_not_known_is_named_with_those_that_are(tmp_path: Path
     assert not (tmp_path / "site").exists()
 
 
+def test_a_terrain_is_not_written_over_unasked(tmp_path: Path) -> None:
+    asked = ("terrain", "generate", "--out", str(tmp_path / "site"), "--size", "16", "--seed")
+    code, said = invoke(*asked, "1")
+    assert code == 0, said
+    before = (tmp_path / "site" / "terrain.json").read_bytes()
+    code, said = invoke(*asked, "2")
+    assert code == 2
+    assert "holds a terrain already" in said
+    assert (tmp_path / "site" / "terrain.json").read_bytes() == before
+    code, said = invoke(*asked, "2", "--replace")
+    assert code == 0, said
+    assert (tmp_path / "site" / "terrain.json").read_bytes() != before
+
+
 def test_panorama_can_be_picked_from(terrain: Path, tmp_path: Path) -> None:
     folder = tmp_path / "pan"
     code, said = run("panorama", "--out", str(folder), "--terrain", str(terrain), "--span", "20")

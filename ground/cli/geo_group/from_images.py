@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ground.cli.failure import fail, refusals
+from ground.cli.geo_group.new_terrain import Replace, refuse_over
 
 if TYPE_CHECKING:
     from rover_iface.reconstruction.site_model import SiteModel
@@ -32,6 +33,7 @@ def from_images(
     ] = 0.0,
     mission: Annotated[str | None, typer.Option(help="open a mission of this name on it")] = None,
     rover: Annotated[str, typer.Option(help="rover profile of the mission")] = "k9",
+    replace: Replace = False,
 ) -> None:
     """Make terrain of a real site from its stereo pictures; what nobody saw stays a hole."""
     from rover_iface.errors import PicturesError
@@ -39,6 +41,7 @@ def from_images(
     from rover_iface.reconstruction.site_model import SiteOptions, reconstruct
     from rover_iface.terrain import write_terrain
 
+    refuse_over(out, replace)
     with refusals():
         if not (reach > 0 and most_sigma > 0 and (nearest is None or 0 < nearest < reach)):
             raise PicturesError(
@@ -94,7 +97,7 @@ def _open_mission(out: Path, name: str, rover: str) -> None:
     if not bool(load_terrain(out).inside(0.0, 0.0)):
         fail(
             f"{out} is written, but no mission is opened: the ground where the rover stands was not seen. "
-            "Give --under-rover METRES to take the plane of its wheels there"
+            "Give --under-rover METRES with --replace to take the plane of its wheels there"
         )
     repo = open_or_fail()
     made = create_mission(repo, SYSTEM_ACTOR, name=name, source=FolderTerrain(out), rover_profile=rover)
