@@ -340,7 +340,7 @@ def searched(known: KnownPair, point: Array) -> Generator[Array, StereoView | No
 
 
 def _shown(view: StereoView, point: Array, margin_px: float) -> bool:
-    """Return whether both images of a pair hold a point (3,), m: one is no range."""
+    """Return whether both images of a pair hold a point (3,), m: a single one gives no range."""
     sides = (view.left, view.left_camera), (view.right, view.right_camera)
     for image, camera in sides:
         x, y = camera.project(point)

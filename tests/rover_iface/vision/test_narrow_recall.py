@@ -68,6 +68,19 @@ def test_a_target_lost_at_the_goal_is_asked_for_without_a_step_nearer() -> None:
     assert np.linalg.norm(found.position - DRIFT.apply(point)) < 0.01
 
 
+def test_a_pair_that_knows_the_target_too_poorly_for_a_tool_is_not_the_last_one_asked(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(recall, "TOOL_AWAY_M", 5.0)
+    tracker, point = begun()
+    known = tracker._memories["A"].known
+    (first,) = known.narrow
+    known.narrow = [replace(first, sigma_m=0.009), first]
+    found = tracker.update("A", blank(view("navcam", NEAR_X, DRIFT)))
+    assert np.linalg.norm(found.position - DRIFT.apply(point)) < 0.005
+    assert np.sqrt(np.linalg.eigvalsh(found.covariance)[-1]) < 0.006
+
+
 @pytest.mark.parametrize(("patches", "off_m", "state"), [
     (60, 0.24, TrackState.TRACKED), (44, 0.24, TrackState.LOST), (44, 0.05, TrackState.TRACKED),
 ])  # fmt: skip
