@@ -84,5 +84,5 @@ def _survey(landscape: Landscape) -> Terrain:
         sha256=digest.hexdigest(),
         surface=None
         if recipe.geology is None
-        else replace(recipe.geology.surface, wind_rad=landscape.wind_rad),
+        else replace(recipe.geology.surface, geology=recipe.geology.name, wind_rad=landscape.wind_rad),
     )

@@ -87,7 +87,7 @@ def add_rocks(
     if geology is not None:
         wind = wind_of(seed)
         rocks = list(dressed(rocks, geology, seed=seed, wind_rad=wind))
-        surface = replace(geology.surface, wind_rad=wind, banks=0.0)
+        surface = replace(geology.surface, geology=geology.name, wind_rad=wind, banks=0.0)
     layers = []
     for layer in terrain.layers:
         west, south, east, north = layer.bounds

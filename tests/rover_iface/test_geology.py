@@ -214,10 +214,12 @@ def test_other_rocks_are_written_as_before(tmp_path: Path) -> None:
 
 
 def test_a_real_ground_takes_the_rocks_of_a_geology() -> None:
-    strewn = strew_rocks(plane(), seed=3, half_m=6.0, total_cover=0.1, geology=GEOLOGIES["gale"])
+    mine = replace(GEOLOGIES["gale"], name="mine")
+    strewn = strew_rocks(plane(), seed=3, half_m=6.0, total_cover=0.1, geology=mine)
     assert {r.family for r in strewn.rocks} <= set(GEOLOGIES["gale"].families)
     assert strewn.surface is not None
     assert strewn.surface.banks == 0.0
+    assert strewn.surface.geology == "mine"
     assert strew_rocks(plane(), seed=3, half_m=6.0, total_cover=0.1).surface is None
 
 
