@@ -51,7 +51,7 @@ class FusedOptions:
     ending_margin_m, most_ending_m
         Diameter of the largest hole to so far round the tool. Stereo draws a surface by up to a centimetre
         over the edge behind which it sees nothing: on rock 44032 the narrow pair and the navcams had it under
-        the whole tool, and a tenth of that hung over the edge. The hole beyond was 21 mm wide; at 11 other
+        the whole tool, whose rim hung over the edge. The hole beyond was 21 mm wide; at 11 other
         accepted places of 44001 to 44022 it was 12 at most. Beside the designated point
         `most_hole_m` is the limit.
     bridged_m, bridged_relief_m, bridged_gap_rad
