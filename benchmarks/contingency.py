@@ -1,14 +1,16 @@
 """The planner on the contingency instances, judged by the reference evaluator: per cent of the optimum.
 
 Plans are made for every number of branches asked for, each in a search of its own, and valued by the
-independent evaluator of the instances. With `--new N` problems of the same families are generated from N new
-seeds; their optimum is that of the planner's own table on a fine grid, which agrees with the published one of
-the public instances within 0.1 %. `--closed K` asks for the share of the gap that 0 to K branches close.
+independent evaluator of the instances. With `--new N` problems of the same families are generated from N
+seeds of each, drawn when the command runs (or counted from `--seed`) and named in each row. Their optimum is
+that of the planner's own table on a fine grid, which agrees with the published one of the public instances
+within 0.1 %. `--closed K` asks for the share of the gap that 0 to K branches close.
 """
 
 from __future__ import annotations
 
 import json
+import secrets
 import statistics
 import tempfile
 import time
@@ -31,11 +33,10 @@ from planner.solve import PlanResult, solve
 from planner.threads import one_blas_thread
 
 NEW = (("resource", 5), ("tracking", 6), ("windows", 5), ("mixed", 6), ("reserve", 5), ("reserve", 7))
-FIRST_SEED = 9001
 OPTIMUM_GRID = (121, 73)
 ROOM = 0.1
 """Per cent of the optimum by which a plan with more branches may be worth less."""
-MEAN_LEAST, LEAST = 99.5, 98.5
+MEAN_LEAST, LEAST = 99.7, 98.5
 """Per cent of the optimum that plans with six branches must earn, in the mean and each."""
 QUICK = {"names": ("dev-reserve-4",), "futures": 50_000}
 BUDGET_S = 1800.0
@@ -79,12 +80,12 @@ def public_cases(names: Sequence[str]) -> Iterator[Case]:
         yield Case(name, INSTANCES / f"{name}.json", row["dp_mid"], unbranched)
 
 
-def new_cases(count: int, folder: Path) -> Iterator[Case]:
-    """Yield problems of the same families from new seeds, written to a folder."""
+def new_cases(count: int, first: int, folder: Path) -> Iterator[Case]:
+    """Yield problems of the same families from seeds from `first` on, written to a folder."""
     generate = reference("instance").generate
     for number in range(count):
         for family, targets in NEW:
-            seed = FIRST_SEED + 100 * number + targets
+            seed = first + 100 * number + targets
             name = f"{family}-{targets}-{seed}"
             file = folder / f"{name}.json"
             made = generate(name, family, targets, seed)
@@ -149,6 +150,7 @@ def figures(
     time_limit: float = 300.0,
     pico: bool = False,
     new: int = 0,
+    seed: int = 0,
     closed: int = 0,
 ) -> Iterator[Figure]:
     """Yield what each instance says, and what follows from all of them."""
@@ -158,8 +160,9 @@ def figures(
                 yield from closed_by_branches(case, closed, time_limit)
         return
     rows = []
+    first = seed or 10_000 + secrets.randbelow(2**30)  # the seeds below were looked at while building
     with tempfile.TemporaryDirectory() as folder:
-        for case in new_cases(new, Path(folder)) if new else public_cases(names):
+        for case in new_cases(new, first, Path(folder)) if new else public_cases(names):
             rows.append(measured(case, sorted(branches), futures, pico, time_limit))
             yield from of_one(rows[-1])
     yield from of_all(rows)
