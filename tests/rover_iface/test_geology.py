@@ -134,14 +134,19 @@ def test_plates_are_bodies_in_the_heights_and_under_the_rays() -> None:
     ground = site()
     scene = scene_from_terrain(ground, radius_m=5.0, far_m=5.0, stones_per_m2=0.0)
     seen = 0
-    for rock in [r for r in ground.rocks if r.family == "plate" and max(abs(r.x), abs(r.y)) < 4][:30]:
+    plates = [r for r in ground.rocks if r.family == "plate"]
+    thickest = max(r.height for r in plates)
+    for rock in [r for r in plates if max(abs(r.x), abs(r.y)) < 4][:30]:
         top = float(ground.height(rock.x, rock.y))
         assert top - float(ground.height(rock.x, rock.y, ground=True)) > -1e-6
-        eye = np.array([rock.x, rock.y, top + 1.0])
-        reach = float(scene.ranges(eye[None], np.array([[0.0, 0.0, -1.0]]))[0])
-        assert reach == pytest.approx(1.0, abs=0.04)
-        hit = scene.cast(eye[None], np.array([[0.0, 0.0, -1.0]]))
-        seen += scene.ids[scene.objects[hit["primID"][0]]] == rock.id
+        eye = np.array([[rock.x, rock.y, top + 1.0]])
+        fall = float(scene.ranges(eye, np.array([[0.0, 0.0, -1.0]]))[0]) - 1.0
+        hit = scene.cast(eye, np.array([[0.0, 0.0, -1.0]]))
+        if scene.ids[scene.objects[hit["primID"][0]]] == rock.id:
+            assert abs(fall) < 0.005
+            seen += 1
+        else:  # beside an edge heights lie on a line to the post that the plate has raised
+            assert -0.005 < fall < thickest
     assert seen > 10
 
 
