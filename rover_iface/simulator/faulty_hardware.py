@@ -12,7 +12,7 @@ import numpy.typing as npt
 from executive.ports import Value
 from mission.instrument import Instrument
 from rover_iface.behaviour.action import Doing, Step
-from rover_iface.behaviour.hardware import Drive, Look, Picture
+from rover_iface.behaviour.hardware import Drive, Look, Picture, TrackReport
 from rover_iface.navigation.navigator import Way
 from rover_iface.simulator.body import Body
 from rover_iface.simulator.engine import milliseconds
@@ -27,6 +27,9 @@ GRAINS, DUST_M, GRAIN_PX, GRAIN_GREY = 60, (0.012, 0.065), (4, 6), (0.4, 1.6)
 
 Each is as bright as that share of the picture's mean: grains of one grey are matched as if they were rock.
 """
+
+GONE = 0.1
+"""Most confidence in a target that is lost for good."""
 
 STUCK_S = 20.0
 """How long a rover with a stuck wheel tries to drive."""
@@ -74,7 +77,7 @@ class FaultyHardware(SimulatedHardware):
         if self._followed(target):
             self._gone.add(target)
             self.set(f"trackerstate {target}", TrackState.LOST.value)
-            self.set(f"trackerconfidence {target}", 0.1)
+            self.set(f"trackerconfidence {target}", GONE)
         self.report()
 
     @property
@@ -89,7 +92,14 @@ class FaultyHardware(SimulatedHardware):
                 self._shaded.discard(target)
             elif value == TrackState.TRACKED.value and target in self._gone:
                 value = TrackState.LOST.value  # what is lost for good does not coast either
+        elif key.removeprefix("trackerconfidence ") in self._gone:
+            value = min(GONE, float(value))
         super().set(key, value)
+
+    def log_track(self, report: TrackReport) -> None:
+        if report.target in self._gone and report.state == TrackState.TRACKED.value:
+            report = replace(report, state=TrackState.LOST.value, confidence=min(GONE, report.confidence))
+        super().log_track(report)
 
     def drive(self, way: Way) -> Doing[Drive]:
         if self._stuck:

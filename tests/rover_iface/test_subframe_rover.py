@@ -26,6 +26,7 @@ from rover_iface.simulator.faults import Fault, FaultKind
 from rover_iface.simulator.hardware import designated
 from rover_iface.simulator.subframe_rover import make_rover
 from rover_iface.simulator.terrain_rover import TerrainRover
+from rover_iface.telemetry import TrackState
 from rover_iface.terrain import load_terrain
 from rover_iface.terrain.strew import strew_rocks
 from rover_iface.vision.sift import SiftTracker
@@ -188,7 +189,12 @@ def test_a_target_that_is_lost_for_good_is_not_told_as_tracked_until_it_is_stopp
     assert do(rover, "trackstart", target="T1").success
     do(rover, "navigate", x=2.0, y=0.0, mode="blind")
     rover.hardware.set("trackerstate T1", "tracked")
+    rover.hardware.set("trackerconfidence T1", 0.75)
     assert rover.get("trackerstate T1") == "lost"
+    assert float(rover.get("trackerconfidence T1") or 0.0) <= 0.1
+    known = rover.repertoire.follower.followed["T1"]
+    rover.repertoire.follower.tell(known, replace(known.update, state=TrackState.TRACKED), None)
+    assert rover.truth.history[-1].state == "lost"
     assert do(rover, "trackstop", target="T1").success
     rover.hardware.set("trackerstate T1", "tracked")
     assert rover.get("trackerstate T1") == "tracked"
