@@ -149,4 +149,12 @@ async def mission_stream(
 
     after = newest if last_event_id is None else int(last_event_id)
     beside = (lookers_topic(mission_id), lookers.number(mission_id), who_looks)
-    return stream(follow(hub, mission_id, newest, after, read, beside=beside))
+
+    async def parts() -> AsyncGenerator[bytes, None]:
+        # Without data this is no event, but who loses the connection before the first one goes on from here.
+        yield f"id: {after}\n\n".encode()
+        async with aclosing(follow(hub, mission_id, newest, after, read, beside=beside)) as following:
+            async for part in following:
+                yield part
+
+    return stream(parts())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 import threading
 from collections.abc import AsyncIterator, Collection
 from dataclasses import dataclass
@@ -87,6 +88,26 @@ def test_who_follows_a_mission_hears_what_another_process_did_and_it_is_read_onc
     assert all(found == every[0] for found in every)
     assert late == every[0][1:]
     assert len(reads) < 30  # not one for each listener
+
+
+def test_who_loses_a_stream_before_its_first_event_goes_on_from_where_it_began(
+    repo: Repository, mission: Mission
+) -> None:
+    async def run() -> list[int]:
+        hub = Hub(repo)
+        answer = await streams.mission_stream(repo, hub, PLANNER, mission.id, None)
+        began = ""
+        async for chunk in answer.body_iterator:
+            if found := re.match(rb"id: (\d+)\n\n", bytes(chunk)):
+                began = found[1].decode()
+                break
+        await anyio.to_thread.run_sync(pick, repo, mission, 2)  # while nobody listens
+        again = await streams.mission_stream(repo, hub, PLANNER, mission.id, began)
+        heard = await asyncio.wait_for(numbers(again.body_iterator, 2), LONG_S)
+        await anyio.to_thread.run_sync(hub.stop)
+        return heard
+
+    assert len(anyio.run(run)) == 2
 
 
 def test_who_follows_a_mission_hears_that_it_was_deleted(repo: Repository, mission: Mission) -> None:

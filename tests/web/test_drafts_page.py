@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Route, expect
 
 from tests.web.conftest import Server
 from tests.web.missions import ask, small_mission
@@ -61,3 +61,18 @@ def test_drafts_appear_are_read_in_full_and_are_taken_over_or_rejected(server: S
     told = {tuple(d[k] for k in ("kind", "state", "reason")) for d in ask(server, drafts)["items"]}
     assert told == {("target", "accepted", ""), ("window", "rejected", "too early"), ("target", "open", "")}
     assert ask(server, f"/observation-requests/{request['id']}")["window_s"] is None
+
+
+def test_a_draft_that_comes_before_the_page_listens_is_seen(server: Server) -> None:
+    mission = small_mission(server, "Early proposals")
+    held: list[Route] = []
+    with chromium() as browser, open_page(browser, server) as page:
+        page.route(f"**/{mission}/events", lambda route: route.continue_() if held else held.append(route))
+        page.goto(f"{server}/?quality=test#/m/{mission}")
+        while not held:
+            page.wait_for_timeout(50)
+        rock = {"name": "Layers", "east_m": 2.0, "north_m": -4.0}
+        ask(server, f"/missions/{mission}/drafts", {"target": rock})
+        held[0].continue_()
+        expect(page.get_by_test_id("target-row")).to_have_count(3)
+        expect(page.get_by_test_id("drafts")).to_have_text("1 draft waits for a decision", timeout=30_000)

@@ -42,6 +42,8 @@ import { PresenceState } from "./presence.svelte";
 import type { WhatIfState } from "./what-if.svelte";
 
 const RELOAD_MS = 120;
+/** Until the page reads its lists though nobody tells it yet what changes; a connection stands within some 50 ms. */
+const LISTEN_MS = 2000;
 /** A list is read when nothing of it changed for so long: an act on 500 rows is told row by row. */
 const CALM_MS = 60;
 /** But it does not wait for calm longer than this. */
@@ -260,28 +262,53 @@ export class MissionState {
       this.rover = await calls.rover(this.id);
     });
     void app.attempt("Reading what the rover carries", () => this.loadProfile());
-    await Promise.all(
-      ["sol", "target", "observation_request", "keep_out", "path_network", "plan", "run", "product", "job", "comment", "draft"].map(
-        (kind) => this.reload(kind),
-      ),
-    );
+    if (this.closed) return;
+    await this.listen();
+    await this.readAll();
     this.loading = false;
     if (this.closed) return;
     if (this.plan === null && app.route.mission === this.id) {
       const latest = this.plans.findLast((plan) => plan.expected_utility !== null);
       if (latest !== undefined) app.go({ plan: latest.id });
     }
-    this.stream = listen(
-      calls.changesUrl(this.id),
-      {
-        change: (data) => this.changed(data),
-        job: (data) => this.jobChanged(data as Job),
-        presence: (data) => this.presence.take(data),
-      },
-      (open) => {
-        app.connected = open;
-      },
+  }
+
+  private async readAll(): Promise<void> {
+    await Promise.all(
+      ["sol", "target", "observation_request", "keep_out", "path_network", "plan", "run", "product", "job", "comment", "draft"].map(
+        (kind) => this.reload(kind),
+      ),
     );
+  }
+
+  /**
+   * Follow what changes from now on; lists are read after this, so that a change falls into one or the other.
+   * Where the connection takes long the page does not wait for it, and reads its lists anew once it stands.
+   */
+  private async listen(): Promise<void> {
+    let waited = false;
+    let stood = false;
+    await new Promise<void>((resolve) => {
+      const goOn = (): void => {
+        waited = true;
+        resolve();
+      };
+      setTimeout(goOn, LISTEN_MS);
+      this.stream = listen(
+        calls.changesUrl(this.id),
+        {
+          change: (data) => this.changed(data),
+          job: (data) => this.jobChanged(data as Job),
+          presence: (data) => this.presence.take(data),
+        },
+        (open) => {
+          app.connected = open;
+          if (open && waited && !stood) void app.attempt("Reading what changed meanwhile", () => this.readAll());
+          stood ||= open;
+          goOn();
+        },
+      );
+    });
   }
 
   close(): void {
