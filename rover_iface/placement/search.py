@@ -204,9 +204,11 @@ class Search:
         answer = self.ask(judged.point, judged.normal)
         if isinstance(answer, ArmRefusal):
             why = Finding(Reason.ARM, math.nan, math.nan, "", f"{answer.limit}: {answer.reason}")
+        elif (unsure := self.unsure_rad(judged, sigmas)) > self.check.limits.most_normal_rad:
+            why = Finding(Reason.NORMAL, unsure, self.check.limits.most_normal_rad, "rad")
         else:
             limits = self.check.limits
-            slope = self.slope(judged, answer, sigmas)
+            slope = answer.tool_tilt_rad + unsure
             if slope <= limits.most_slope_rad:
                 depth = self.check.crease_m(self.at, judged.point)
                 if depth <= limits.most_crease_m:
@@ -227,11 +229,15 @@ class Search:
         if judged is self.first:
             self.left = self.left or why
 
-    def slope(self, judged: Judged, posture: Posture | Motion, sigmas: float | None = None) -> float:
-        """Return the angle between tool and normal, the uncertainty of that added (`reached`)."""
+    def slope(self, judged: Judged, posture: Posture | Motion) -> float:
+        """Return the angle between tool and normal, the uncertainty of that added."""
+        return posture.tool_tilt_rad + self.unsure_rad(judged)
+
+    def unsure_rad(self, judged: Judged, sigmas: float | None = None) -> float:
+        """Return so many deviations of the normal (`reached`), rad."""
         assert judged.measures is not None
         sigmas = self.check.limits.sigmas if sigmas is None else sigmas
-        return posture.tool_tilt_rad + sigmas * judged.measures.normal_sigma_rad
+        return sigmas * judged.measures.normal_sigma_rad
 
     def taken(
         self, judged: Judged, posture: Posture | Motion, *, designated: bool = False

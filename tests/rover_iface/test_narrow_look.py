@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import lru_cache, partial
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,8 +19,9 @@ from rover_iface.placement.arm import Posture
 from rover_iface.placement.cloud import Array, cloud_of_points
 from rover_iface.placement.fused_check import FusedOptions, FusedSurface, fuse
 from rover_iface.placement.narrow_looks import MOST_LOOKS, NarrowLook
-from rover_iface.placement.patch_check import PatchCheck
+from rover_iface.placement.patch_check import Judged, PatchCheck
 from rover_iface.placement.safety_limits import SafetyLimits
+from rover_iface.placement.search import Search
 from rover_iface.placement.segmentation import Segmentation
 from rover_iface.profile import RoverProfile, load_profile
 from tests.rover_iface.domes import EYE, MAST, ROCKS, raster
@@ -270,8 +274,22 @@ def test_a_slope_near_its_limit_is_judged_by_how_well_the_narrow_pair_knows_the_
     assert Reason.SLOPE in [finding.reason for finding in wavy.findings]
 
 
-def test_a_place_beside_asks_for_more_certainty_of_its_slope_than_the_designated_point() -> None:
-    assert SafetyLimits().beside_sigmas > SafetyLimits().sigmas
+@pytest.mark.parametrize(
+    ("sigma_deg", "tilt_deg", "designated", "beside"),
+    [(1.0, 16.5, True, True), (1.0, 17.5, True, False), (3.9, 1.0, True, True), (4.1, 1.0, True, False)],
+)
+def test_a_place_beside_asks_for_more_certainty_of_its_slope_than_the_designated_point(
+    sigma_deg: float, tilt_deg: float, designated: bool, beside: bool
+) -> None:
+    limits = SafetyLimits(most_slope_rad=math.radians(20.0))
+    posture: Any = SimpleNamespace(tool_tilt_rad=math.radians(tilt_deg))
+    check: Any = SimpleNamespace(limits=limits, crease_m=lambda *_places: 0.0)
+    measures: Any = SimpleNamespace(normal_sigma_rad=math.radians(sigma_deg))
+    judged = Judged(np.zeros(3), np.array([0.0, 0.0, 1.0]), measures, (), 0.0)
+    nothing: Any = None
+    search = Search(check, np.zeros(3), lambda *_asked: posture, nothing, nothing)
+    assert (search.reached(judged) is not None) == designated
+    assert (search.reached(judged, limits.beside_sigmas) is not None) == beside
 
 
 def test_a_drop_just_beside_the_tool_is_told(k9: RoverProfile) -> None:
