@@ -15,11 +15,12 @@ from planner.path_network.consolidation import greedy_spanner
 from planner.path_network.day_factor import kinds_of_days
 from planner.path_network.drive_rules import check_rules, draw_ways
 from planner.path_network.obstacles import build_obstacles, check_request, map_bounds, outlines, place_reason
-from planner.path_network.shortest_routes import IntArray, ShortestRoutes
+from planner.path_network.shortest_routes import ShortestRoutes
 from planner.path_network.tracking import filled, loss_exposure, sample, tracking_regions
 from planner.path_network.values import (
     START,
     FloatArray,
+    IntArray,
     MissingRoute,
     NetworkRequest,
     PathNetwork,

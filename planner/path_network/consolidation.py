@@ -14,8 +14,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from planner.path_network.shortest_routes import IntArray
-from planner.path_network.values import FloatArray
+from planner.path_network.values import FloatArray, IntArray
 
 _EPS_M = 1e-9  # what rounding may add to a straight distance is far less
 

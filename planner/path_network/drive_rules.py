@@ -12,8 +12,7 @@ import shapely
 
 from planner.errors import NetworkError
 from planner.path_network.obstacles import Obstacles
-from planner.path_network.shortest_routes import IntArray
-from planner.path_network.values import START, FloatArray, NetworkRequest, Point
+from planner.path_network.values import START, FloatArray, IntArray, NetworkRequest, Point
 
 FORBIDDEN = "the drive was taken out by hand"
 

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
-from planner.path_network.values import FloatArray
-
-IntArray = npt.NDArray[np.int64]
+from planner.path_network.values import FloatArray, IntArray
 
 _EPS = 1e-9
 

@@ -7,9 +7,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.sparse import coo_matrix
 
-from planner.path_network.values import FloatArray
+from planner.path_network.values import FloatArray, IntArray
 
-IntArray = npt.NDArray[np.int64]
 Numbers = npt.NDArray[np.int32]
 
 EVERYBODY = -1

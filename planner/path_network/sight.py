@@ -13,9 +13,7 @@ import numpy.typing as npt
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from planner.path_network.values import FloatArray
-
-IntArray = npt.NDArray[np.int64]
+from planner.path_network.values import FloatArray, IntArray
 
 CELL_M = 4.0
 """Of the grid, and of the outline's pieces at most. By hand: a rock's outline is in one or two cells."""

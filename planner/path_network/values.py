@@ -22,6 +22,7 @@ from planner.path_network.day_factor import SharedFactor
 START = "start"
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
 Point = tuple[float, float]
 
 

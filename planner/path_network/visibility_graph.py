@@ -20,8 +20,8 @@ import shapely
 
 from planner.path_network.near_pairs import hugs, near_pairs, tangent_pairs
 from planner.path_network.obstacles import Obstacles, clear_of, ring_corners
-from planner.path_network.shortest_routes import EVERYBODY, IntArray, ShortestRoutes
-from planner.path_network.values import FloatArray
+from planner.path_network.shortest_routes import EVERYBODY, ShortestRoutes
+from planner.path_network.values import FloatArray, IntArray
 
 _EPS = 1e-9
 

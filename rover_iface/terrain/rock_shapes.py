@@ -111,9 +111,8 @@ def _bedded(
 
     The thickness of beds is that of rock, whatever the size of the stone; hard beds stand out.
     """
-    whole = 1.0
     beds = int(np.clip(round(body.height_m / rng.uniform(*BED_M)), 2, 12))
-    edges = np.sort(rng.uniform(0.06, 0.94, beds - 1)) * whole - 0.5 * whole
+    edges = np.sort(rng.uniform(0.06, 0.94, beds - 1)) - 0.5
     back = rng.uniform(0.0, deep, beds)
     back[1::2] += 0.5 * deep
     phase, lobes = rng.uniform(0, math.tau, beds), rng.integers(2, 6, beds)

@@ -55,11 +55,11 @@ def lit(scene: Scene, origins: Array, directions: Array, sun: Sun, *, pixel_rad:
     if found:
         towards = np.ascontiguousarray(np.broadcast_to(to_sun.astype(np.float32), (found, 3)))
         bright[index[:found]] = ~scene.occluded_local(shadow[:found], towards)
-    light, look = np.empty(count, np.float32), Look()
+    light = np.empty(count, np.float32)
     shade.radiance(
         far, prim, rays, points, normal, base, loose, bright, scene.objects, scene.materials, scene.origin,
         to_sun, sun.direct, sun.diffuse, 0.6, pixel_rad,
-        np.array([look.soil_slope, look.stone_slope, look.mottle, look.bounce]), scene.seed, light,
+        Look().parameters(), scene.seed, light,
     )  # fmt: skip
     met = prim >= 0
     bodies = np.where(met, scene.objects[np.maximum(prim, 0)], -1).astype(np.int32)

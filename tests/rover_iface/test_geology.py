@@ -8,6 +8,7 @@ import math
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -302,10 +303,9 @@ def test_a_close_up_resolves_grains_and_a_navcam_does_not() -> None:
         ({"plate_m": 0.05}, "plates are 0.05 m"),
     ],
 )
-def test_an_impossible_geology_is_refused(options: dict[str, object], message: str) -> None:
-    values: dict[str, object] = {"name": "x", "families": {"slab": 1.0}, "stones": (AlbedoFamily(0.2, 0.01),)}
+def test_an_impossible_geology_is_refused(options: dict[str, Any], message: str) -> None:
     with pytest.raises(TerrainFormatError, match=message):
-        Geology(**{**values, **options})  # type: ignore[arg-type]
+        replace(Geology("x", {"slab": 1.0}, (AlbedoFamily(0.2, 0.01),)), **options)
 
 
 def test_an_unknown_geology_is_refused_with_those_that_there_are() -> None:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+import numpy.typing as npt
+
 from rover_iface.errors import RenderError
 
 
@@ -58,6 +61,24 @@ class Look:
             raise RenderError(f"look has a gravel mottle of {self.gravel_mottle}; 0 to 2 is possible")
         if not 0.0 <= self.soil_mottle <= 4.0:
             raise RenderError(f"look has a soil mottle of {self.soil_mottle}; 0 to 4 is possible")
+
+    def parameters(self) -> npt.NDArray[np.float64]:
+        """Return the look [11] as `shade.radiance` takes it."""
+        return np.array(
+            (
+                self.soil_slope,
+                self.stone_slope,
+                self.mottle,
+                self.bounce,
+                self.soil_mottle,
+                self.sand,
+                self.grain,
+                self.ripples,
+                self.wind_rad,
+                self.gravel_mottle,
+                self.close_up,
+            )
+        )
 
 
 SANDY = Look(soil_slope=0.15, soil_mottle=0.4, sand=0.6, grain=0.1)

@@ -215,7 +215,6 @@ class Renderer:
             dark = scene.occluded_local(shadow_origins[:found], np.ascontiguousarray(rays))
             lit[shadow_index[:found]] = ~dark
         light = np.empty(count, np.float32)
-        look = self.look
         phase = _phase_deg(camera, to_sun)
         shade.radiance(
             far,
@@ -234,21 +233,7 @@ class Renderer:
             sun.diffuse,
             _lunar_lambert_weight(phase),
             1.0 / camera.hs,
-            np.array(
-                [
-                    look.soil_slope,
-                    look.stone_slope,
-                    look.mottle,
-                    look.bounce,
-                    look.soil_mottle,
-                    look.sand,
-                    look.grain,
-                    look.ripples,
-                    look.wind_rad,
-                    look.gravel_mottle,
-                    look.close_up,
-                ]
-            ),
+            self.look.parameters(),
             scene.seed,
             light,
         )

@@ -137,17 +137,12 @@ def radiance(
     Of n rays: `tfar` (m), `prim`, `base`, `loose`, `lit` and `out` [n], `directions`, `points` and `normal`
     [n, 3], as `surface` fills them; site axes. `objects` [triangles] is the body of each, `materials`
     [bodies]; `origin` [3], m, is that of the points, `sun` [3] the unit direction to the sun; `parameters`
-    [11], [7] for sand without ripples, or [4] for soil without sand.
+    [11] (`Look.parameters`).
     """
     soil_slope, stone_slope, mottle, bounce = parameters[0], parameters[1], parameters[2], parameters[3]
-    soil_mottle, sand, grain = 1.0, 0.0, 0.0
-    if parameters.shape[0] > 4:
-        soil_mottle, sand, grain = parameters[4], parameters[5], parameters[6]
-    ripples, wind_x, wind_y, gravel_mottle = 0.0, 1.0, 0.0, 1.0
-    close_up = 0.0
-    if parameters.shape[0] > 7:
-        ripples, wind_x, wind_y = parameters[7], math.cos(parameters[8]), math.sin(parameters[8])
-        gravel_mottle, close_up = parameters[9], parameters[10]
+    soil_mottle, sand, grain = parameters[4], parameters[5], parameters[6]
+    ripples, wind_x, wind_y = parameters[7], math.cos(parameters[8]), math.sin(parameters[8])
+    gravel_mottle, close_up = parameters[9], parameters[10]
     level = math.sqrt(max(1e-9, sun[0] * sun[0] + sun[1] * sun[1]))
     sun_x, sun_y = sun[0] / level, sun[1] / level
     sun_slope = max(0.05, sun[2] / level)

@@ -14,9 +14,9 @@ from planner.path_network import KeepOut, NetworkOptions, Target, build_network
 from planner.path_network.consolidation import greedy_spanner
 from planner.path_network.near_pairs import LOOKED_AT, NEAREST, SECTORS, near_pairs, tangent_pairs
 from planner.path_network.obstacles import build_obstacles, check_request, clear_of, ring_corners
-from planner.path_network.shortest_routes import EVERYBODY, IntArray, ShortestRoutes
+from planner.path_network.shortest_routes import EVERYBODY, ShortestRoutes
 from planner.path_network.sight import Outline
-from planner.path_network.values import FloatArray
+from planner.path_network.values import FloatArray, IntArray
 from planner.path_network.visibility_graph import _numbered
 from tests.planner.path_network.worlds import random_world, rocky_world
 
