@@ -28,7 +28,7 @@ from planner.path_network.values import (
     Segment,
     UnreachablePoint,
 )
-from planner.path_network.visibility_graph import VisibilityGraph, build_visibility_graph
+from planner.path_network.visibility_graph import build_visibility_graph
 
 _CLIMB_STEP_M = 0.5
 """Spacing at which climbs along a segment are summed. By hand: two posts of a 0.25 m grid."""
@@ -60,7 +60,7 @@ def build_network(request: NetworkRequest) -> PathNetwork:
     graph = build_visibility_graph(spots, obstacles, map_bounds(request), 2 * request.options.maximum_corners)
     stops = np.arange(len(standing), dtype=np.int64)
     # A hair for each segment makes the way with the fewest bends win among equals.
-    shortest_ways = ShortestRoutes(graph.xy, graph.owner, graph.edges, graph.length_m + 1e-9, stops)
+    shortest_ways = ShortestRoutes(graph.owner, graph.edges, graph.length_m + 1e-9, stops)
     distance = shortest_ways.distance
     used = _used_edges(graph.edges, shortest_ways, len(standing))
     kept = used & ~graph.shared()
@@ -69,7 +69,7 @@ def build_network(request: NetworkRequest) -> PathNetwork:
         graph.xy, graph.edges[shared], graph.length_m[shared], request.options.stretch
     )
     edges, length_m = graph.edges[kept], graph.length_m[kept]
-    ways = ShortestRoutes(graph.xy, graph.owner, edges, length_m + 1e-9, stops)
+    ways = ShortestRoutes(graph.owner, edges, length_m + 1e-9, stops)
     connected = np.isfinite(distance)
 
     drawn = draw_ways(request, (graph.xy, edges, length_m), number, target_of, obstacles)
@@ -100,7 +100,7 @@ def build_network(request: NetworkRequest) -> PathNetwork:
             nodes = by_hand or ways.route(a, b)
             route = _route(request, links, drawn.xy, nodes, places[origin], places[destination], tracked)
             if by_hand is None and own is not None and route[1][own] > request.options.maximum_loss:
-                nodes = _safest(links, graph, len(edges), (a, b), own)
+                nodes = _safest(links, graph.owner, len(edges), (a, b), own)
                 route = _route(request, links, drawn.xy, nodes, places[origin], places[destination], tracked)
             if own is not None and route[1][own] > request.options.maximum_loss:
                 missing.append(
@@ -258,14 +258,14 @@ def _wrap(angle: float) -> float:
     return (angle + math.pi) % (2 * math.pi) - math.pi
 
 
-def _safest(links: _Links, graph: VisibilityGraph, count: int, ends: tuple[int, int], own: int) -> list[int]:
+def _safest(links: _Links, owner: IntArray, count: int, ends: tuple[int, int], own: int) -> list[int]:
     """Return the route on the network's own segments that keeps one track best; length decides near ties.
 
     The segments behind the first `count` were drawn by hand, for one drive each.
     """
     weight = links.hazard[:count, own] + 1e-3 * links.length_m[:count] + 1e-9
-    ways = ShortestRoutes(graph.xy, graph.owner, links.edges[:count], weight, np.array(ends, dtype=np.int64))
-    return ways.route(*ends)
+    places = np.array(ends, dtype=np.int64)
+    return ShortestRoutes(owner, links.edges[:count], weight, places).route(*ends)
 
 
 def _segments(

@@ -279,7 +279,7 @@ def _distinct(pairs: IntArray, nodes: int) -> IntArray:
 def _with_all_pairs_in_use(graph: VisibilityGraph, nodes: _Nodes, obstacles: Obstacles) -> VisibilityGraph:
     """Return the graph with all tangent pairs of those corners that its shortest routes pass."""
     places = np.arange(graph.places, dtype=np.int64)
-    routes = ShortestRoutes(graph.xy, graph.owner, graph.edges, graph.length_m, places)
+    routes = ShortestRoutes(graph.owner, graph.edges, graph.length_m, places)
     passed: set[int] = set()
     for a, b in zip(*np.nonzero(np.triu(np.isfinite(routes.distance), 1)), strict=True):
         passed.update(routes.route(int(a), int(b)))

@@ -150,12 +150,12 @@ def test_shortest_routes_are_dijkstras_and_pass_no_node_of_another_place() -> No
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import dijkstra
 
-    xy, edges, length = _segments(3, 150)
+    _, edges, length = _segments(3, 150)
     places = np.arange(8)
     owner = np.full(150, EVERYBODY)
     owner[[2, 20, 21, 22]] = 2
     owner[[5, 30, 31]] = 5
-    routes = ShortestRoutes(xy, owner, edges, length, places)
+    routes = ShortestRoutes(owner, edges, length, places)
     weight = {(int(u), int(v)): float(w) for (u, v), w in zip(edges, length, strict=True)}
     for a in places.tolist():
         for b in range(a):
@@ -172,8 +172,7 @@ def test_shortest_routes_are_dijkstras_and_pass_no_node_of_another_place() -> No
 
 
 def test_places_that_no_segment_joins_have_no_route() -> None:
-    xy = np.array([[0.0, 0.0], [1.0, 0.0], [5.0, 0.0]])
-    routes = ShortestRoutes(xy, np.full(3, EVERYBODY), np.array([[0, 1]]), np.array([1.0]), np.arange(3))
+    routes = ShortestRoutes(np.full(3, EVERYBODY), np.array([[0, 1]]), np.array([1.0]), np.arange(3))
     assert routes.distance.tolist() == [[0.0, 1.0, np.inf], [1.0, 0.0, np.inf], [np.inf, np.inf, 0.0]]
 
 
