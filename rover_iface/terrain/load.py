@@ -23,6 +23,7 @@ import math
 import re
 from dataclasses import field
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
@@ -282,14 +283,28 @@ def _world_file(image: Path) -> Affine | None:
 def write_terrain(terrain: Terrain, folder: Path | str) -> Path:
     """Write a terrain as a `terrain/1` folder and return the folder; reading it back gives an equal terrain.
 
-    Heights are rounded to 1 mm. Ortho images are PNG, kept as they are when they come from a file.
+    Heights are rounded to 1 mm. Ortho images are PNG, kept as they are when they come from a file. What was
+    in the folder stays as it was if not all can be written (`OSError`, of the folder at least).
     """
-    import rasterio
-    from affine import Affine
-    from PIL import Image
-
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
+    try:
+        with TemporaryDirectory(prefix=".part-", dir=folder) as part:
+            _write_files(terrain, Path(part))
+            for file in sorted(Path(part).iterdir(), key=lambda one: one.name == "terrain.json"):
+                file.replace(folder / file.name)
+    except OSError as err:
+        if err.filename is not None or err.errno is None:
+            raise
+        raise OSError(err.errno, err.strerror, str(folder)) from err
+    return folder
+
+
+def _write_files(terrain: Terrain, folder: Path) -> None:
+    from affine import Affine
+    from PIL import Image
+    from rasterio.io import MemoryFile
+
     entries: list[LayerFiles] = []
     for layer in terrain.layers:
         tag = f"{layer.heights.shape[1] * layer.spacing:g}m"
@@ -299,21 +314,22 @@ def write_terrain(terrain: Terrain, folder: Path | str) -> Path:
             if data is None or (kind == "ground" and not terrain.rocks):
                 continue
             name = f"{kind}_{tag}.tif"
-            with rasterio.open(
-                folder / name,
-                "w",
-                driver="GTiff",
-                height=data.shape[0],
-                width=data.shape[1],
-                count=1,
-                dtype="float32",
-                nodata=math.nan,
-                transform=Affine(layer.spacing, 0.0, west, 0.0, -layer.spacing, north),
-                compress="deflate",
-                predictor=3,
-                zlevel=4,
-            ) as dataset:
-                dataset.write(np.round(data[::-1].astype(np.float64), 3).astype(np.float32), 1)
+            # by way of memory: GDAL closes a file that a full disk cut short without a word
+            with MemoryFile() as raster:
+                with raster.open(
+                    driver="GTiff",
+                    height=data.shape[0],
+                    width=data.shape[1],
+                    count=1,
+                    dtype="float32",
+                    nodata=math.nan,
+                    transform=Affine(layer.spacing, 0.0, west, 0.0, -layer.spacing, north),
+                    compress="deflate",
+                    predictor=3,
+                    zlevel=4,
+                ) as dataset:
+                    dataset.write(np.round(data[::-1].astype(np.float64), 3).astype(np.float32), 1)
+                (folder / name).write_bytes(raster.read())
             entry[kind] = name
         ortho = next((o for o in terrain.orthos if np.allclose(o.bounds, layer.bounds, atol=1e-6)), None)
         if ortho is not None:
@@ -341,4 +357,3 @@ def write_terrain(terrain: Terrain, folder: Path | str) -> Path:
     if terrain.rocks:
         (folder / "rocks.json").write_text(rocks_text(terrain.rocks), encoding="utf-8")
     (folder / "terrain.json").write_text(TERRAINS.write(described, indent=1) + "\n", encoding="utf-8")
-    return folder

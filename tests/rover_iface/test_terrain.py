@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
+import os
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +23,7 @@ from rover_iface.terrain import (
     Rock,
     Terrain,
     generate_terrain,
+    load,
     load_terrain,
     stereo_covariance,
     write_terrain,
@@ -484,3 +487,20 @@ def test_heights_between_posts_are_bilinear_to_the_bit() -> None:
     np.testing.assert_array_equal(layer.sample(x, y), lower + (upper - lower) * (r - r0))
     assert layer.sample(x.reshape(4, -1), y.reshape(4, -1)).shape == (4, 126)
     assert float(layer.sample(np.float64(-2.0), np.float64(1.0))) == data[0, 0]
+
+
+def test_a_disk_that_fills_up_leaves_the_terrain_that_was_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "site"
+    write_terrain(generate_terrain(1, 16.0, inner_m=16.0), folder)
+    before = {file.name: file.read_bytes() for file in folder.iterdir()}
+
+    def full(*_given: object) -> str:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(load, "rocks_text", full)
+    with pytest.raises(OSError, match="No space left") as told:
+        write_terrain(generate_terrain(2, 16.0, inner_m=16.0), folder)
+    assert told.value.filename == str(folder)
+    assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
