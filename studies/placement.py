@@ -10,12 +10,15 @@ dense stereo on rendered pairs, those of `--rocks` by the cheap model of stereo;
 check, so that the first vouch for the second. The mast's narrow pair looks at a place before the tool is put
 there; what it sees is rendered for both.
 
+The rover moves as the `full` one does: to where the arm reaches, and once to see the designated point from
+another side. Pictures, hand-off and drive err anew there, and the spot by `MOVED_M` more.
+
 The truth is cast on the triangles, along the tool's true axis and with the arm's error, against what the
-instrument bears (`TrueLimits`). An accept is unsafe if anything is wrong there. A refusal, or an order to
-move the rover, is false if within the search radius the left camera sees a place of the rock that is truly
-safe and that the arm reaches. A placement is on the designated point if the tool touches within 5 mm of what
-the scientist picked, the hand-off's error in that; it can be wanted where that point is truly safe and within
-reach.
+instrument bears (`TrueLimits`). An accept is unsafe if anything is wrong there. A refusal, or a move that
+brought nothing, is false if within the search radius the left camera sees, from the first stand or the last,
+a place of the rock that is truly safe and that the arm reaches. A placement is on the designated point if the
+tool touches within 5 mm of what the scientist picked, the hand-off's error in that; it can be wanted where
+that point is truly safe and within reach from the first stand.
 """
 
 from __future__ import annotations
@@ -25,23 +28,26 @@ import json
 import math
 import time
 from collections import Counter
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from rover_iface.behaviour.base_moves import MOVES
 from rover_iface.behaviour.close_look import meant_on, registered
 from rover_iface.errors import CameraError, RenderError
-from rover_iface.placement import SafetyLimits, plan_placement, segment
+from rover_iface.frames import Pose
+from rover_iface.placement import PlacementVerdict, SafetyLimits, plan_placement, segment
 from rover_iface.placement.arm import Arm, ArmRefusal, Posture
+from rover_iface.placement.base_adjustment import FARTHEST_MOVE_M, MOST_TURN_RAD
 from rover_iface.placement.cloud import SurfaceCloud
 from rover_iface.placement.cloud_alignment import Alignment, align
 from rover_iface.placement.narrow_looks import NarrowLook
 from rover_iface.placement.segmentation import Segmentation, SegmentationOptions
 from rover_iface.profile import load_profile
-from studies.common.placement_rocks import RockScene, TrueLimits, rock_scene
+from studies.common.placement_rocks import HERE, RockScene, TrueLimits, rock_scene
 from studies.common.placement_stereo import RockView, narrow_view
 
 Array = npt.NDArray[np.float64]
@@ -54,6 +60,18 @@ SPOT_M = 0.0015
 shows: eight tracks that the first narrow picture corrected were 2.0 mm off, rms over both
 (`vision.narrow.recall`).
 """
+
+MOVED_M = 0.001
+"""The same, that a move of the base adds: 70 degrees round a target at 7 m leave 4 mm, which is 0.6 mrad and
+0.8 mm at the range of the near navcams (docs/results/tracking.md, Figure 10).
+"""
+
+DRIVE_M, DRIVE_RAD = 0.02, 0.03
+"""One deviation, each way, of where such a move ends and of its heading: 5 % of the longest."""
+
+STAND_SEED = 1 << 43
+"""Added to a rock's seed, times the number of the stand, for the noise of its pictures and hand-off."""
+
 EVALUATION = 46_000
 """Seeds from here on were not looked at; limits were set on 5,000 to 25,999 and 29,000 to 29,742, those of
 the narrow look on 16,000 to 16,112. Reported were 41,000 to 45,257, and what failed there was looked at."""
@@ -76,9 +94,12 @@ def designated(rock: RockScene) -> tuple[Array, Array]:
     return picked, picked + rng.normal(0.0, HANDOFF_M / math.sqrt(3.0), 3)
 
 
-def spot(rock: RockScene, navcam: RockView, picked: Array, at: Array, laid: Alignment | None) -> Array:
+def spot(
+    rock: RockScene, navcam: RockView, picked: Array, at: Array, laid: Alignment | None, off_m: Array
+) -> Array:
     """Return where the rover has the point that was picked (3,), handed off to `at` (3,), by its pixel in the
-    near navcams: as the `full` rover does, from their cloud as it was `laid` on the hazcams'.
+    near navcams, `off_m` (2,) beside the true one across the line of sight: as the `full` rover does, from
+    their cloud as it was `laid` on the hazcams'.
 
     `at` where the navcams do not see it or their cloud does not tell.
     """
@@ -87,8 +108,7 @@ def spot(rock: RockScene, navcam: RockView, picked: Array, at: Array, laid: Alig
     free = float(rock.scene.ranges(camera.C, ((picked - camera.C) / away)[None])[0])
     if laid is None or navcam.told_from_true is None or free < away - ON_POINT_M:
         return at
-    rng = np.random.default_rng([rock.seed, 0x5107])
-    pixel = camera.project(picked) + rng.normal(0.0, SPOT_M * camera.hs / away, 2)
+    pixel = camera.project(picked) + off_m * camera.hs / away
     found = meant_on(laid, camera.transformed(navcam.told_from_true), pixel, at)
     return at if found is None else found
 
@@ -157,25 +177,46 @@ def narrow_look(rock: RockScene, cloud: SurfaceCloud, laid: Alignment | None) ->
     return look
 
 
-def trial(seed: int, rendered: bool) -> dict[str, Any]:
-    """Return what came of one rock."""
-    profile, limits, true = load_profile("k9"), SafetyLimits(), TrueLimits()
-    arm = Arm(profile.arm)
-    rock = rock_scene(seed)
-    if not (rock.seen[3] == rock.target_index).any():
-        # a neighbour hides it: there is nothing to pick
-        return {"seed": seed, "diameter_m": rock.diameter_m, "decision": "unseen"}
-    picked, at = designated(rock)
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """What comes of a rock from one stand; frame of the rover there, m.
+
+    Attributes
+    ----------
+    rock, picked, at, meant
+        The scene; the point (3,) that was picked, where the hand-off has it, and where the navcams have it.
+    cloud, found, laid, navcam
+        What the hazcams show, its segmentation, and the navcams' cloud registered to it.
+    """
+
+    rock: RockScene
+    picked: Array
+    at: Array
+    meant: Array
+    cloud: SurfaceCloud
+    found: Segmentation
+    laid: Alignment | None
+    navcam: RockView
+    verdict: PlacementVerdict
+    looks: int
+
+
+def attempt(
+    rock: RockScene, picked: Array, at: Array, off_m: Array, number: int, rendered: bool, another_view: bool
+) -> Attempt:
+    """Return what comes of a point that was picked (3,), handed off to `at` (3,) and tracked with an error
+    `off_m` (2,), m (`spot`), from stand `number`; with `another_view` that may be a move to another.
+    """
+    seed = rock.seed + number * STAND_SEED
     hazcam, navcam = rock.hazcam, rock.navcam(at)
     if rendered:
         cloud, mast = hazcam.rendered_cloud(seed), navcam.rendered_cloud(seed + MAST_SEED)
     else:
         cloud, mast = hazcam.cast_cloud(seed), navcam.cast_cloud(seed + MAST_SEED, (hazcam, seed))
-    began = time.process_time()
     found = segment(cloud, SegmentationOptions() if rendered else SegmentationOptions(rounds=3, thinning=2))
     laid = align(mast, cloud)
     trusted = laid if laid is not None and laid.believed() else None
-    meant = spot(rock, navcam, picked, at, trusted)
+    meant = spot(rock, navcam, picked, at, trusted, off_m)
     looks: list[Array] = []
     ask = narrow_look(rock, cloud, trusted)
 
@@ -186,54 +227,109 @@ def trial(seed: int, rendered: bool) -> dict[str, Any]:
     verdict = plan_placement(
         cloud,
         meant,
-        profile,
-        limits=limits,
+        load_profile("k9"),
         segmentation=found,
         second=None if trusted is None else trusted.cloud,
         narrow=narrow,
+        another_view=another_view,
     )
+    return Attempt(rock, picked, at, meant, cloud, found, laid, navcam, verdict, len(looks))
+
+
+def attempts(rock: RockScene, rendered: bool) -> list[Attempt]:
+    """Return what comes of a rock from each stand in turn, moved as the `full` rover moves."""
+    picked, at = designated(rock)
+    off_m = np.random.default_rng([rock.seed, 0x5107]).normal(0.0, SPOT_M, 2)
+    stand, number, another_view = HERE, 0, True
+    tried = [attempt(rock, picked, at, off_m, number, rendered, another_view)]
+    for _ in range(MOVES):
+        move = tried[-1].verdict.base_move
+        if move is None:
+            break
+        if move.distance_m <= FARTHEST_MOVE_M and abs(move.turn_rad) <= MOST_TURN_RAD:
+            number += 1
+            rng = np.random.default_rng([rock.seed, 0x3072, number])
+            ahead, aside, turned = (float(v) for v in rng.standard_normal(3) * (DRIVE_M, DRIVE_M, DRIVE_RAD))
+            pose = move.pose
+            ended = replace(pose, x=pose.x + ahead, y=pose.y + aside, heading=pose.heading + turned)
+            stand = Pose.from_transform(stand.site_from_rover * ended.site_from_rover)
+            rock = rock_scene(rock.seed, stand)
+            there = np.asarray(stand.site_from_rover.inverse().apply(picked), dtype=np.float64)
+            at = np.asarray(there + rng.normal(0.0, HANDOFF_M / math.sqrt(3.0), 3))
+            off_m += rng.normal(0.0, MOVED_M, 2)
+        elif another_view:
+            there = picked
+        else:
+            break
+        another_view = False
+        tried.append(attempt(rock, there, at, off_m, number, rendered, another_view))
+    return tried
+
+
+def trial(seed: int, rendered: bool) -> dict[str, Any]:
+    """Return what came of one rock."""
+    profile, limits, true = load_profile("k9"), SafetyLimits(), TrueLimits()
+    arm = Arm(profile.arm)
+    rock = rock_scene(seed)
+    if not (rock.seen[3] == rock.target_index).any():
+        # a neighbour hides it: there is nothing to pick
+        return {"seed": seed, "diameter_m": rock.diameter_m, "decision": "unseen"}
+    began = time.process_time()
+    tried = attempts(rock, rendered)
+    first, last = tried[0], tried[-1]
+    verdict = last.verdict
     row: dict[str, Any] = {
         "seed": seed,
         "diameter_m": rock.diameter_m,
-        "points": len(cloud),
+        "points": len(last.cloud),
         "decision": verdict.decision.value,
+        "stands": len(tried),
+        "moves_m": [one.verdict.base_move.distance_m for one in tried if one.verdict.base_move is not None],
+        "first_findings": [[f.reason.value, f.value, f.limit] for f in first.verdict.findings],
         "reasons": [f.reason.value for f in verdict.findings],
         "findings": [[f.reason.value, f.value, f.limit] for f in verdict.findings],
         "tried": verdict.tried,
-        "looks": len(looks),
-        "handed_m": float(np.linalg.norm(at - picked)),
-        "meant_m": float(np.linalg.norm(meant - picked)),
-        "picked_safe": is_safe(rock, picked, arm, true),
-        "plan_s": time.process_time() - began,
-        "mast": _alignment_figures(laid, navcam, at),
+        "looks": sum(one.looks for one in tried),
+        "handed_m": float(np.linalg.norm(last.at - last.picked)),
+        "meant_m": float(np.linalg.norm(last.meant - last.picked)),
+        "picked_safe": is_safe(rock, first.picked, arm, true),
+        "trial_s": time.process_time() - began,
+        "mast": _alignment_figures(last.laid, last.navcam, last.at),
     }
     if rendered or seed % 5 == 0:
-        row |= _stereo_figures(rock, cloud, found)
+        row |= _stereo_figures(last.rock, last.cloud, last.found)
     if verdict.accepted:
-        assert verdict.point is not None
-        assert isinstance(verdict.posture, Posture)
-        rng = np.random.default_rng([seed, 0xA9])
-        error = np.clip(0.5 * rng.standard_normal(3), -1.0, 1.0) * true.arm_error_m
-        axis = -arm.tool_axis(verdict.posture.joints)
-        patch = rock.true_patch(verdict.point, axis, profile.arm.tool_radius_m, true, error)
-        start = verdict.point + error + 0.1 * axis
-        touched = start - float(rock.scene.ranges(start, -axis[None])[0]) * axis
-        row |= {
-            "wrong": list(patch.wrong),
-            "true_protrusion_m": patch.protrusion_m,
-            "true_depth_m": patch.depth_m,
-            "true_slope_rad": patch.slope_rad,
-            "moved_m": verdict.distance_m,
-            "measures": asdict(verdict.measures) if verdict.measures is not None else {},
-            "error_m": float(np.linalg.norm(touched - picked)),
-            "off_meant_m": float(np.linalg.norm(touched - meant)),
-            "off_plan_m": float(np.linalg.norm(touched - verdict.point)),
-        }
-    else:
-        row["safe_place"] = safe_place(rock, at, arm, limits, true) is not None
-        answer = arm.solve(at, (at - rock.centre) / np.linalg.norm(at - rock.centre))
-        row["in_reach"] = not isinstance(answer, ArmRefusal)
-    return row
+        return row | _touched(last, arm, true)
+    row["safe_place"] = any(
+        safe_place(one.rock, one.at, arm, limits, true) is not None
+        for one in tried[:: max(1, len(tried) - 1)]
+    )
+    answer = arm.solve(last.at, (last.at - last.rock.centre) / np.linalg.norm(last.at - last.rock.centre))
+    return row | {"in_reach": not isinstance(answer, ArmRefusal)}
+
+
+def _touched(at: Attempt, arm: Arm, true: TrueLimits) -> dict[str, Any]:
+    """Return where the tool truly came down after an accept, and what is wrong there."""
+    verdict, rock = at.verdict, at.rock
+    assert verdict.point is not None
+    assert isinstance(verdict.posture, Posture)
+    rng = np.random.default_rng([rock.seed, 0xA9])
+    error = np.clip(0.5 * rng.standard_normal(3), -1.0, 1.0) * true.arm_error_m
+    axis = -arm.tool_axis(verdict.posture.joints)
+    patch = rock.true_patch(verdict.point, axis, arm.profile.tool_radius_m, true, error)
+    start = verdict.point + error + 0.1 * axis
+    touched = start - float(rock.scene.ranges(start, -axis[None])[0]) * axis
+    return {
+        "wrong": list(patch.wrong),
+        "true_protrusion_m": patch.protrusion_m,
+        "true_depth_m": patch.depth_m,
+        "true_slope_rad": patch.slope_rad,
+        "moved_m": verdict.distance_m,
+        "measures": asdict(verdict.measures) if verdict.measures is not None else {},
+        "error_m": float(np.linalg.norm(touched - at.picked)),
+        "off_meant_m": float(np.linalg.norm(touched - at.meant)),
+        "off_plan_m": float(np.linalg.norm(touched - verdict.point)),
+    }
 
 
 def _alignment_figures(laid: Alignment | None, navcam: RockView, at: Array) -> dict[str, float] | None:
@@ -332,7 +428,13 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
         "mast_unbelieved": len(rows) - sum(int(one["believed"]) for one in laid),
         "mast_off_before_mm": _quantiles(np.array([one["before_mm"] for one in laid])),
         "mast_off_after_mm": _quantiles(np.array([one["after_mm"] for one in laid])),
-        "plan_s": _quantiles(np.array([r["plan_s"] for r in rows])),
+        "stands": dict(Counter(r["stands"] for r in rows)),
+        "placed_on_it_after_a_move": sum(r["decision"] == "place" and r["stands"] > 1 for r in wanted),
+        "within_5_mm_after_a_move": sum(
+            r.get("error_m", math.inf) <= ON_POINT_M and r["stands"] > 1 for r in wanted
+        ),
+        "looks_mean": float(np.mean([r["looks"] for r in rows])),
+        "trial_s": _quantiles(np.array([r["trial_s"] for r in rows])),
     }
 
 

@@ -87,7 +87,8 @@ class ArmPlacing(Placing):
         return replace(outcome, values={**outcome.values, "energy_j": self.hardware.drawn_j - begin_j})
 
     def _attempt_moving(self, followed: Followed) -> Generator[Step, None, Attempt]:
-        """Return what comes of a placement, the rover moved where the safety check asks for it.
+        """Return what comes of a placement, the rover moved where the safety check asks for it: to where the
+        arm reaches, and once to see the designated point from another side.
 
         Raises
         ------
@@ -97,15 +98,18 @@ class ArmPlacing(Placing):
         stand = self.driving.stand(followed.target.id)
         if stand is not None and not self.eyes.sees(followed):
             yield from self.moves.to(followed, stand)
-        attempt = yield from self._attempt(followed)
+        another_view = True
+        attempt = yield from self._attempt(followed, another_view=another_view)
         for _ in range(MOVES):
             move = attempt.verdict.base_move or self._nearer(attempt)
             if move is None:
                 break
             wanted = self.hardware.believed.site_from_rover * move.pose.site_from_rover
-            if not (yield from self.moves.to(followed, Pose.from_transform(wanted))):
+            moved = yield from self.moves.to(followed, Pose.from_transform(wanted))
+            if not (moved or another_view):
                 break
-            attempt = yield from self._attempt(followed)
+            another_view = another_view and attempt.verdict.base_move is None
+            attempt = yield from self._attempt(followed, another_view=another_view)
         return attempt
 
     def _nearer(self, attempt: Attempt) -> BaseMove | None:
@@ -148,8 +152,9 @@ class ArmPlacing(Placing):
         self.follower.forget(name)
         return Outcome(True, values=values)
 
-    def _attempt(self, followed: Followed) -> Doing[Attempt]:
-        """Return what comes of a placement from here.
+    def _attempt(self, followed: Followed, *, another_view: bool = False) -> Doing[Attempt]:
+        """Return what comes of a placement from here; with `another_view` that may be a move to see the
+        target from another side.
 
         Raises
         ------
@@ -190,6 +195,7 @@ class ArmPlacing(Placing):
             arm=way,
             second=None if laid is None else laid.cloud,
             narrow=narrow if carried(self.cameras.rig) else None,
+            another_view=another_view,
         )
         motion = verdict.posture if isinstance(verdict.posture, Motion) else None
         touch = None

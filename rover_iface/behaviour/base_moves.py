@@ -13,11 +13,11 @@ from rover_iface.behaviour.following import Followed
 from rover_iface.behaviour.hardware import Hardware
 from rover_iface.errors import PlacementError, TrackerError
 from rover_iface.frames import Pose, wrap_angle
-from rover_iface.placement.base_adjustment import base_move
+from rover_iface.placement.base_adjustment import FARTHEST_MOVE_M, MOST_TURN_RAD, base_move
 from rover_iface.placement.cloud import cloud_of_points
 
-MOVES, FARTHEST_MOVE_M, MOST_TURN_RAD = 2, 0.5, 0.8
-"""How often, how far and with how much of a turn the rover moves without a look so that the arm reaches."""
+MOVES = 2
+"""How often the rover moves without a look so that the arm reaches or the mast sees other faces."""
 
 
 class BaseMoves:

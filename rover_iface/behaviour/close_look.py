@@ -35,9 +35,10 @@ NEARER_M, FARTHER_M = 0.30, 0.25
 
 BLOCK_PX, LEAST_CONTRAST, STEP = 5, 1.0, 2
 
-ROUND_PX, LEAST_ROUND, MISSED_PX = 7.0, 12, 3.0
+ROUND_PX, LEAST_ROUND, MISSED_PX = 4.0, 6, 3.0
 """Round a designated pixel of the navcams, so many of their points tell how far away it is: the cloud holds
-every second pixel, and its nearest point lies within the last."""
+every second pixel, and its nearest point lies within the last. By 7 px, 9 mm, the place was up to 6.9 mm off
+on rough faces, by 4 px 4.5 (14 rocks, 44300 to 44316, without what the track errs)."""
 
 ONE_SURFACE_M = 0.02
 """What lies so far behind the nearest of them is another surface, which the ray passes over."""

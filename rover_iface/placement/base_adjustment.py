@@ -8,7 +8,8 @@ import numpy as np
 
 from rover_iface.errors import OutsideTerrainError, PlacementError
 from rover_iface.frames import Pose, wrap_angle
-from rover_iface.placement.base_placement import place_base
+from rover_iface.placement.arm import Arm, Posture
+from rover_iface.placement.base_placement import ObservationPoint, place_base
 from rover_iface.placement.cloud import Array, SurfaceCloud
 from rover_iface.placement.ground_plane import fit_ground_plane
 from rover_iface.placement.verdict import BaseMove
@@ -17,6 +18,17 @@ from rover_iface.terrain.grid import HeightLayer
 from rover_iface.terrain.terrain import Terrain
 
 POST_M, HALF_M = 0.05, 4.0
+
+FARTHEST_MOVE_M, MOST_TURN_RAD = 0.5, 0.8
+"""How far, and with how much of a turn, the rover moves for the arm without a look at the ground."""
+
+ANOTHER_SIDE_RAD = math.radians(15.0)
+"""From a stand whose direction from a place differs by less, the mast sees the same faces of a rock: it turns
+about its own axis and stands 0.75 m from what the arm reaches."""
+
+SPARE_TILT_RAD = math.radians(8.0)
+"""What a stand may leave between tool and normal: of the 14 degrees that are borne 6 are left for three
+deviations of the normal and for where the move ends."""
 
 
 def base_move(
@@ -32,22 +44,70 @@ def base_move(
 
     `point` [3], m, lies on the surface; `normal` [3] is its outward unit normal.
     """
+    stands = _stands(cloud, profile, point, normal)
+    return stands if isinstance(stands, str) else _move(min(stands, key=_cost))
+
+
+def view_move(cloud: SurfaceCloud, profile: RoverProfile, point: Array, normal: Array) -> BaseMove | str:
+    """Return the move to a stand from which the mast sees `point` from another side and the arm reaches it,
+    or why there is none: of those within a short move the one that faces the surface most.
+
+    All in the rover frame; `point` (3,), m, lies on the surface and `normal` (3,) is its outward unit normal,
+    as far as it is known.
+    """
+    stands = _stands(cloud, profile, point, normal)
+    if isinstance(stands, str):
+        return stands
+    mast = np.array((*profile.mast.base_m[:2], profile.mast.height_m))
+    here = mast - point
+    facing: list[tuple[float, ObservationPoint]] = []
+    for stand in stands:
+        move = _move(stand)
+        there = np.asarray(stand.pose.site_from_rover.apply(mast)) - point
+        turned = wrap_angle(math.atan2(there[1], there[0]) - math.atan2(here[1], here[0]))
+        if move.distance_m > FARTHEST_MOVE_M or abs(move.turn_rad) > MOST_TURN_RAD:
+            continue
+        if abs(turned) >= ANOTHER_SIDE_RAD:
+            facing.append((float(there @ normal) / float(np.linalg.norm(there)), stand))
+    if not facing:
+        return "no stand within a short move shows the place from another side"
+    return _move(max(facing, key=lambda one: one[0])[1])
+
+
+def _stands(
+    cloud: SurfaceCloud, profile: RoverProfile, point: Array, normal: Array | None
+) -> list[ObservationPoint] | str:
+    """Return stands from which the arm reaches a point (3,), or why there are none; those where its joints
+    hold the tool along the normal, if that is known and there are any.
+    """
     ground = terrain_of(cloud)
     if ground is None:
         return "the ground round the rover is not known"
     here = Pose(0.0, 0.0)
     try:
-        poses = place_base(ground, profile, point.tolist(), normal, start=here, count=24)
+        stands = place_base(ground, profile, point.tolist(), normal, start=here, count=24)
     except (PlacementError, OutsideTerrainError) as err:
         return str(err)
-    # a turn costs like half a metre a radian
-    best = min(poses, key=lambda p: math.hypot(p.pose.x, p.pose.y) + 0.5 * abs(wrap_angle(p.pose.heading)))
-    return BaseMove(
-        best.pose,
-        math.hypot(best.pose.x, best.pose.y),
-        wrap_angle(best.pose.heading),
-        best.score,
-    )
+    if normal is None:
+        return stands
+    arm = Arm(profile.arm)
+    held = []
+    for stand in stands:
+        rover = stand.pose.site_from_rover.inverse()
+        answer = arm.solve(rover.apply(point), rover.rotate(normal))
+        if isinstance(answer, Posture) and answer.tool_tilt_rad <= SPARE_TILT_RAD:
+            held.append(stand)
+    return held or stands
+
+
+def _move(stand: ObservationPoint) -> BaseMove:
+    pose = stand.pose
+    return BaseMove(pose, math.hypot(pose.x, pose.y), wrap_angle(pose.heading), stand.score)
+
+
+def _cost(stand: ObservationPoint) -> float:
+    """Return the length of the way to a stand, m; a turn costs like half a metre a radian."""
+    return math.hypot(stand.pose.x, stand.pose.y) + 0.5 * abs(wrap_angle(stand.pose.heading))
 
 
 def terrain_of(cloud: SurfaceCloud) -> Terrain | None:

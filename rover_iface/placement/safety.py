@@ -50,6 +50,7 @@ def plan_placement(
     rock_only: bool = True,
     second: SurfaceCloud | None = None,
     narrow: NarrowLook | None = None,
+    another_view: bool = False,
 ) -> PlacementVerdict:
     """Return whether and where the tool may be put on the rock that holds `designated_point`.
 
@@ -76,6 +77,10 @@ def plan_placement(
     narrow
         Asked for what the mast's narrow pair sees of a place before the tool is put there, registered to
         `cloud`; None on a rover without one.
+    another_view
+        Whether the rover may go to see the designated point from another side: where that is not known well
+        enough to be taken, and nothing that is known speaks against it, the verdict is a move of the base. So
+        it is where no place is found among some that are not known well enough.
 
     Raises
     ------
@@ -102,7 +107,7 @@ def plan_placement(
     rock = found.rocks[label] if label != GROUND else None
     ask = arm if arm is not None else Arm(profile.arm).solve
     looks = NarrowLooks(check, narrow, profile)
-    return _search(Search(check, at, ask, rock, looks), profile)
+    return _search(Search(check, at, ask, rock, looks), profile, another_view)
 
 
 def _checks(
@@ -124,18 +129,21 @@ def _checks(
     return JointCheck(checks)
 
 
-def _search(search: Search, profile: RoverProfile) -> PlacementVerdict:
+def _search(search: Search, profile: RoverProfile, another_view: bool) -> PlacementVerdict:
     """Judge the designated point, then others of the same rock, the nearest first.
 
-    The designated point is taken if it is safe with some room. Else the nearest calm point that the arm
-    reaches; without one, the nearest where it would tilt the tool; without one, the safe one of least strain.
-    Where none is safe, the search is done again in finer steps, and then the one is taken that bears a close
-    look best. Where there is a narrow pair it looks at each place before it is taken, and of places beside
-    the designated point only those are taken that it knows.
+    The designated point is taken if it is safe with some room. Where `another_view` is allowed and it is not
+    known to be bad, it is looked at from another side, and so where no place is found. Else the nearest calm
+    point that the arm reaches; without one, the nearest where it would tilt the tool; without one, the safe
+    one of least strain. Where none is safe, the search is done again in finer steps, and then the one is
+    taken that bears a close look best. Where there is a narrow pair it looks at each place before it is
+    taken, and of places beside the designated point only those are taken that it knows.
     """
     meant = search.designated()
     if meant is not None:
         return meant
+    if another_view and search.hopeful and (view := search.from_another_side(profile)) is not None:
+        return view
     for coarse in (2.5, 1.0):
         verdict = search.sweep(coarse)
         if verdict is not None:
@@ -143,7 +151,10 @@ def _search(search: Search, profile: RoverProfile) -> PlacementVerdict:
         if search.asked:
             break
     close = sorted(search.close, key=lambda one: one.close_strain)
-    return search.first_reached(close) or search.by_looks() or search.not_placed(profile)
+    found = search.first_reached(close) or search.by_looks()
+    if found is None and another_view and search.unsure and search.out_of_reach is None:
+        found = search.from_another_side(profile)
+    return found or search.not_placed(profile)
 
 
 def _label_at(

@@ -9,7 +9,7 @@ import numpy as np
 
 from rover_iface.placement.arm import ArmRefusal, Posture
 from rover_iface.placement.arm_motion import Motion
-from rover_iface.placement.base_adjustment import base_move
+from rover_iface.placement.base_adjustment import base_move, view_move
 from rover_iface.placement.cloud import Array
 from rover_iface.placement.joint_check import RELIEF, UNKNOWING, JointCheck
 from rover_iface.placement.narrow_looks import LOOK_REACH_M, UNSEEN, NarrowLooks, Sight
@@ -45,6 +45,9 @@ class Search:
         self.first: Judged | None = None
         self.out_of_reach: Judged | None = None
         self.crease: Finding | None = None
+        self.hopeful = True
+        """Whether nothing that is known of the designated point speaks against it, but that it is not known
+        well enough, or that the arm does not hold the tool as it should."""
         self.left: Finding | None = None
         """Why the designated point was left though nothing is wrong with the surface there."""
         self.close: list[Judged] = []
@@ -63,6 +66,7 @@ class Search:
         """
         judged = self.judge(self.at)
         opinion = self.looks.opinion(self.at, anew=True) if _promising(judged) else UNSEEN
+        self.hopeful = _promising(judged) and opinion.sight is not Sight.BAD
         if opinion.sight is Sight.BAD and opinion.finding is not None:
             self.first = judged.with_finding(opinion.finding)
             return None
@@ -82,6 +86,33 @@ class Search:
         if judged.findings:
             self.asked = 0  # what only a close look takes does not end the search for what is safe
         return None
+
+    def from_another_side(self, profile: RoverProfile) -> PlacementVerdict | None:
+        """Return the move from whose end the designated point is seen from another side; None where there is
+        none.
+        """
+        first = self.first
+        assert first is not None
+        normal = first.normal
+        if normal is None:
+            # a rock is about convex: its surface faces away from its middle
+            normal = self.at - (
+                self.check.cloud.points.mean(axis=0) if self.rock is None else self.rock.centroid
+            )
+            normal = normal / max(float(np.linalg.norm(normal)), 1e-9)
+        move = view_move(self.check.cloud, profile, self.at, normal)
+        if isinstance(move, str):
+            return None
+        return PlacementVerdict(
+            Decision.MOVE_BASE,
+            self.at,
+            normal,
+            measures=first.measures,
+            findings=first.findings or self._why_left(first),
+            rock=self.rock,
+            tried=self.tried,
+            base_move=move,
+        )
 
     def roomy(self, judged: Judged) -> bool:
         """Return whether a surface keeps every limit, and with room where it is not calm."""
@@ -275,7 +306,10 @@ class Search:
                 tried=self.tried,
             )
         assert away.normal is not None
-        move = base_move(self.check.cloud, profile, away.point, away.normal)
+        # a normal that is not known well enough is no better known from beside the same stand
+        unknown = away.findings[-1].reason is Reason.NORMAL
+        moved = view_move if unknown else base_move
+        move = moved(self.check.cloud, profile, away.point, away.normal)
         if isinstance(move, str):
             return PlacementVerdict(
                 Decision.REFUSE,

@@ -7,7 +7,7 @@ All in the rover frame. The truth is cast on the triangles and knows nothing of 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from rover_iface.cameras.model import CameraModel
 from rover_iface.cameras.rig import load_cameras
-from rover_iface.frames import across
+from rover_iface.frames import Pose, across
 from rover_iface.simulator.render.renderer import Sun
 from rover_iface.simulator.render.scene import Material, Scene, SceneMesh
 from rover_iface.terrain.fractal import spectral_noise
@@ -142,8 +142,13 @@ class RockScene:
         return mast_view(self.scene, self.sun, self.seed, at)
 
 
-def rock_scene(seed: int) -> RockScene:
-    """Return rock number `seed`: smooth to rough, alone or among others, lit from anywhere."""
+HERE = Pose(0.0, 0.0)
+
+
+def rock_scene(seed: int, stand: Pose = HERE) -> RockScene:
+    """Return rock number `seed`: smooth to rough, alone or among others, lit from anywhere; in the frame of
+    the rover as it stands at `stand`, a pose of the frame in which it came.
+    """
     rng = np.random.default_rng([seed, 0x90C])
     diameter = float(rng.uniform(0.18, 0.7))
     distance = float(rng.uniform(0.68, 0.90)) + 0.35 * diameter
@@ -197,13 +202,16 @@ def rock_scene(seed: int) -> RockScene:
     ground = SceneMesh(np.column_stack((px.ravel(), py.ravel(), pz.ravel())), triangles, "")
     cameras = load_cameras("k9")
     sun = Sun.from_angles(float(rng.uniform(0, math.tau)), math.radians(float(rng.uniform(25, 70))))
+    rover = stand.site_from_rover.inverse()
+    meshes = [replace(mesh, vertices=rover.apply(mesh.vertices)) for mesh in (ground, *bodies)]
+    to_sun = np.asarray(rover.rotate(sun.direction))
     return RockScene(
         seed,
-        Scene([ground, *bodies], seed=seed),
-        sun,
+        Scene(meshes, seed=seed),
+        replace(sun, direction=(float(to_sun[0]), float(to_sun[1]), float(to_sun[2]))),
         cameras["hazcam_left"].model,
         cameras["hazcam_right"].model,
-        np.array([x, y, z]),
+        np.asarray(rover.apply(np.array([x, y, z]))),
         diameter,
     )
 

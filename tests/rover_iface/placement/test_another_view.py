@@ -1,0 +1,161 @@
+"""A move of the base to see a designated point from another side."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator
+from functools import lru_cache
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from rover_iface.behaviour.action import Step
+from rover_iface.behaviour.arm_placing import ArmPlacing
+from rover_iface.behaviour.attempt import Attempt
+from rover_iface.behaviour.following import Followed
+from rover_iface.frames import Pose, wrap_angle
+from rover_iface.placement import Decision, PlacementVerdict, SurfaceCloud, plan_placement, segment
+from rover_iface.placement.arm import Arm, Posture
+from rover_iface.placement.base_adjustment import (
+    ANOTHER_SIDE_RAD,
+    FARTHEST_MOVE_M,
+    MOST_TURN_RAD,
+    view_move,
+)
+from rover_iface.placement.cloud import Array, cloud_of_points
+from rover_iface.placement.verdict import BaseMove
+from rover_iface.profile import RoverProfile, load_profile
+from tests.rover_iface.domes import EYE, ROCKS, raster
+
+
+@pytest.fixture(scope="module")
+def k9() -> RoverProfile:
+    return load_profile("k9")
+
+
+def spot() -> tuple[Array, Array]:
+    """A point (3,) of the first dome and the outward normal there."""
+    x, y, half, height = ROCKS[0]
+    way = np.array([-0.45, 0.05, 0.9])
+    way /= np.linalg.norm(way / (half, half, height))
+    normal = way / np.square((half, half, height))
+    return np.array([x, y, 0.0]) + way, np.asarray(normal / np.linalg.norm(normal))
+
+
+@lru_cache(maxsize=2)
+def seen(hole_m: float) -> SurfaceCloud:
+    points = raster()[0].copy()
+    points[np.linalg.norm(points - spot()[0], axis=-1) < hole_m] = np.nan
+    return cloud_of_points(points, sigma_m=0.002, eye=EYE)
+
+
+def decided(k9: RoverProfile, hole_m: float, *, another_view: bool) -> PlacementVerdict:
+    cloud = seen(hole_m)
+    return plan_placement(cloud, spot()[0], k9, segmentation=segment(cloud), another_view=another_view)
+
+
+def test_a_point_in_a_hole_is_looked_at_from_another_side_before_a_place_beside_it(
+    k9: RoverProfile,
+) -> None:
+    here = decided(k9, 0.03, another_view=False)
+    assert here.decision is not Decision.PLACE
+    assert here.base_move is None or here.distance_m > 0.0
+    there = decided(k9, 0.03, another_view=True)
+    assert there.decision is Decision.MOVE_BASE
+    assert there.base_move is not None
+    assert there.point is not None
+    assert there.point.tolist() == spot()[0].tolist()
+    assert [f.reason for f in there.findings] == [f.reason for f in here.findings]
+
+
+def test_a_point_that_is_safe_from_here_is_taken_from_here(k9: RoverProfile) -> None:
+    def reached(point: Array, normal: Array) -> Posture:
+        return Posture(np.zeros(5), 0.0)
+
+    cloud = seen(0.0)
+    verdict = plan_placement(
+        cloud, spot()[0], k9, segmentation=segment(cloud), arm=reached, another_view=True
+    )
+    assert verdict.decision is Decision.PLACE
+
+
+def test_a_point_that_is_known_to_be_bad_is_worth_no_move(k9: RoverProfile) -> None:
+    points = raster()[0].copy()
+    near = np.linalg.norm(points - spot()[0], axis=-1) < 0.016
+    points[near] += 0.05 * spot()[1]
+    cloud = cloud_of_points(points, sigma_m=0.002, eye=EYE)
+    found = segment(cloud)
+
+    def reached(point: Array, normal: Array) -> Posture:
+        return Posture(np.zeros(5), 0.0)
+
+    verdict = plan_placement(cloud, spot()[0], k9, segmentation=found, arm=reached, another_view=True)
+    assert verdict.decision is Decision.PLACE_NEAR
+
+
+def test_the_stand_shows_another_side_within_a_short_move_and_the_arm_holds_the_tool_there(
+    k9: RoverProfile,
+) -> None:
+    at, normal = spot()
+    move = view_move(seen(0.03), k9, at, normal)
+    assert not isinstance(move, str)
+    assert move.distance_m <= FARTHEST_MOVE_M
+    assert abs(move.turn_rad) <= MOST_TURN_RAD
+    mast = np.array((*k9.mast.base_m[:2], k9.mast.height_m))
+    before, after = mast - at, move.pose.site_from_rover.apply(mast) - at
+    turned = wrap_angle(math.atan2(after[1], after[0]) - math.atan2(before[1], before[0]))
+    assert abs(turned) >= ANOTHER_SIDE_RAD
+    rover = move.pose.site_from_rover.inverse()
+    assert isinstance(Arm(k9.arm).solve(rover.apply(at), rover.rotate(normal)), Posture)
+
+
+def test_without_ground_to_stand_on_the_reason_is_told(k9: RoverProfile) -> None:
+    at, normal = spot()
+    few = cloud_of_points(np.random.default_rng(0).normal(0.0, 1.0, (40, 3)), eye=EYE)
+    assert isinstance(view_move(few, k9, at, normal), str)
+
+
+# ---- as the rover carries it out
+
+
+class Bench(ArmPlacing):
+    """A rover whose safety check asks for the moves of a list, one at each attempt."""
+
+    def __init__(self, asked: list[bool], *, goes: bool) -> None:
+        self.asked, self.goes = asked, goes
+        self.views: list[bool] = []
+        self.driving: Any = SimpleNamespace(stand=lambda name: None)
+        self.hardware: Any = SimpleNamespace(believed=Pose(0.0, 0.0))
+        self.moves: Any = SimpleNamespace(to=self._to)
+
+    def _to(self, followed: object, pose: Pose) -> Generator[Step, None, bool]:
+        yield Step(1, 1.0)
+        return self.goes
+
+    def _nearer(self, attempt: Attempt) -> BaseMove | None:
+        return None
+
+    def _attempt(self, followed: Followed, *, another_view: bool = False) -> Generator[Step, None, Attempt]:
+        yield Step(1, 1.0)
+        self.views.append(another_view)
+        move = BaseMove(Pose(0.3, 0.0), 0.3, 0.0, 1.0) if self.asked.pop(0) else None
+        return cast("Attempt", SimpleNamespace(verdict=SimpleNamespace(base_move=move)))
+
+    def tried(self) -> list[bool]:
+        """Return for each attempt whether it might end in a move to another view."""
+        followed: Any = SimpleNamespace(target=SimpleNamespace(id="T"))
+        for _ in self._attempt_moving(followed):
+            pass
+        return self.views
+
+
+def test_the_rover_goes_once_to_see_another_side() -> None:
+    assert Bench([True, False], goes=True).tried() == [True, False]
+    assert Bench([True, True, True], goes=True).tried() == [True, False, False]
+
+
+def test_where_the_rover_cannot_go_it_decides_by_what_it_sees_from_here() -> None:
+    assert Bench([True, False], goes=False).tried() == [True, False]
+    assert Bench([True, True, True], goes=False).tried() == [True, False]
