@@ -8,8 +8,9 @@ where the rover truly is.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -57,21 +58,26 @@ class Look:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """What a camera read out.
+    """What a camera took.
 
     Attributes
     ----------
-    unit
-        (height, width), float32 in 0..1.
+    read
+        Reads it out; see `unit`. What is kept and never looked at need not be worked out.
     bits
         Of the sensor.
     number
         By which the hardware knows the picture again.
     """
 
-    unit: npt.NDArray[np.float32]
+    read: Callable[[], npt.NDArray[np.float32]]
     bits: int
     number: int
+
+    @cached_property
+    def unit(self) -> npt.NDArray[np.float32]:
+        """Return the image (height, width), float32 in 0..1."""
+        return self.read()
 
     @property
     def image8(self) -> npt.NDArray[np.uint8]:

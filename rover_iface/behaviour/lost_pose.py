@@ -16,12 +16,13 @@ import copy
 import math
 from collections import deque
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from rover_iface.behaviour.action import Doing
 from rover_iface.behaviour.hardware import Hardware
-from rover_iface.behaviour.mast_cameras import MastCameras
+from rover_iface.behaviour.mast_cameras import MastCameras, Sighting
 from rover_iface.cameras.model import Array
 from rover_iface.errors import CameraError, RenderError, TrackerError
 from rover_iface.frames import Pose, wrap_angle
@@ -52,16 +53,20 @@ class KeptStop:
     """A stop at which a target was in sight, and what was known then: where it was, believed site frame (3,),
     m, with its covariance (3, 3), m^2.
 
-    `known` is the pair with the target in it, `travelled_m` the reading of the odometer.
+    `sighting` is the pair with the target in it.
     """
 
     target: str
     point: Array
     covariance: Array
-    known: KnownPair
+    sighting: Sighting
     pose: Pose
     map: TargetMap
-    travelled_m: float
+
+    @cached_property
+    def known(self) -> KnownPair:
+        """Return what is known of the pair: few are ever asked, so it is not read out before."""
+        return KnownPair(self.sighting.view, LIMITS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,21 +133,24 @@ class PoseFinder:
     def keep(self, update: TrackUpdate, known: TargetMap) -> Doing[None]:
         """Keep a pair of a target that is in sight, if the last one was taken too far from here."""
         point = update.position
-        here, travelled_m = self.hardware.believed, self.hardware.travelled_m
+        here = self.hardware.believed
         away = math.hypot(point[0] - here.x, point[1] - here.y)
-        if self._stops and travelled_m - self._stops[-1].travelled_m < max(KEEP_M, KEEP_SHARE * away):
+        if self._come_m < max(KEEP_M, KEEP_SHARE * away):
             return
-        view = yield from self._taken(self.near, point)
-        if view is not None:
+        taken = yield from self._taken(self.near, point)
+        if taken is not None:
             known = copy.deepcopy(known)
-            pair = KnownPair(view, LIMITS)
-            covariance = update.covariance
-            self._stops.append(KeptStop(update.target, point, covariance, pair, here, known, travelled_m))
+            self._stops.append(KeptStop(update.target, point, update.covariance, taken, here, known))
 
     @property
     def should_know(self) -> bool:
         """Return whether a pair is kept that was taken so near that it must be recognised."""
-        return bool(self._stops) and self.hardware.travelled_m - self._stops[-1].travelled_m <= NEAR_M
+        return self._come_m <= NEAR_M
+
+    @property
+    def _come_m(self) -> float:
+        """Return how far the rover has come since a pair was kept last."""
+        return self.hardware.travelled_m - self._stops[-1].sighting.travelled_m if self._stops else math.inf
 
     def find(self, target: str = "") -> Doing[PoseFound | str]:
         """Look for where the rover stands, by any pair or by those of a target alone; gives that, or in words
@@ -170,7 +178,8 @@ class PoseFinder:
         while True:
             view = next((taken for taken in self._seen if _in_the_middle(taken, asked)), None)
             if view is None:
-                view = yield from self._taken(self.whole, asked)
+                taken = yield from self._taken(self.whole, asked)
+                view = None if taken is None else taken.view
                 self._seen += [] if view is None else [view]
             try:
                 asked = search.send(view)
@@ -178,11 +187,11 @@ class PoseFinder:
                 found: Reacquired = ended.value
                 return found
 
-    def _taken(self, cameras: MastCameras, point: Array) -> Doing[StereoView | None]:
+    def _taken(self, cameras: MastCameras, point: Array) -> Doing[Sighting | None]:
         """Take a pair towards a believed point (3,), m; none where that cannot be."""
         yield from self.hardware.spend("track_update")
         try:
-            return cameras.stereo(point).view
+            return cameras.stereo(point)
         except (CameraError, RenderError, TrackerError):
             return None
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -35,10 +36,18 @@ class Shot:
 
 @dataclass(frozen=True, eq=False)
 class Sighting:
-    """A stereo pair as the tracker gets it, cameras in the believed site frame, and its left picture."""
+    """A stereo pair as it was taken: pictures, their cameras, clock, s, and odometer, m."""
 
-    view: StereoView
     left: Picture
+    right: Picture
+    cameras: tuple[CameraModel, CameraModel]
+    t_s: float
+    travelled_m: float
+
+    @cached_property
+    def view(self) -> StereoView:
+        """Return the pair as a tracker gets it, its pictures read out."""
+        return StereoView(self.left.unit, self.right.unit, *self.cameras, self.t_s, self.travelled_m)
 
 
 class MastCameras:
@@ -77,7 +86,7 @@ class MastCameras:
 
     def stereo(self, point: Array, camera: str = "navcam", *, track: str = "") -> Sighting:
         """Point the mast at a point (3,), m, of the believed site frame and take a stereo pair round it, for
-        the track of a target.
+        the track of a target; cameras in the believed site frame.
 
         Raises
         ------
@@ -97,7 +106,7 @@ class MastCameras:
             windows.append(self._window(pixel, margin, model))
             models.append(model.window(*windows[-1]))
         left, right = self.hardware.look(Look(names, tuple(windows), pan, tilt, track=track))
-        return Sighting(self._view(left, right, *models), left)
+        return self._sighting(left, right, *models)
 
     def narrow_pair(self, at: Array) -> StereoView:
         """Point the mast so that both narrow cameras hold a point (3,), m, rover frame, and take a binned
@@ -114,7 +123,7 @@ class MastCameras:
             for name, window in zip(NARROW, windows, strict=True)
         ]
         left, right = self.hardware.look(Look(NARROW, windows, pan, tilt, SCALE))
-        return self._view(left, right, *models)
+        return self._sighting(left, right, *models).view
 
     def pair(
         self, pan_rad: float, tilt_rad: float, *, scale: float = 1.0, camera: str = "navcam"
@@ -130,7 +139,7 @@ class MastCameras:
         models = [self.rig.camera(name, pan_rad, tilt_rad).scaled(scale) for name in names]
         windows = tuple((0, 0, model.width, model.height) for model in models)
         left, right = self.hardware.look(Look(names, windows, pan_rad, tilt_rad, scale))
-        return self._view(left, right, *models)
+        return self._sighting(left, right, *models).view
 
     def body_pair(self, camera: str) -> Sighting:
         """Take whole frames of a pair fixed to the body (`hazcam`), cameras in the believed site frame.
@@ -145,8 +154,7 @@ class MastCameras:
         models = [self.rig.camera(name) for name in names]
         windows = tuple((0, 0, model.width, model.height) for model in models)
         left, right = self.hardware.look(Look(names, windows))
-        view = self._view(left, right, *(model.transformed(believed) for model in models))
-        return Sighting(view, left)
+        return self._sighting(left, right, *(model.transformed(believed) for model in models))
 
     def picture(self, point: Array, camera: str, size_px: int) -> Shot:
         """Return a square picture with a point (3,), m, of the believed site frame in its middle.
@@ -207,15 +215,9 @@ class MastCameras:
             wedges.append(StereoWedge(f"{len(wedges)}", left.image8, right.image8, *cameras))
         return Panorama(wedges, name, self.hardware.t_s)
 
-    def _view(self, left: Picture, right: Picture, *cameras: CameraModel) -> StereoView:
-        return StereoView(
-            left.unit,
-            right.unit,
-            cameras[0],
-            cameras[1],
-            self.hardware.t_s,
-            self.hardware.travelled_m,
-        )
+    def _sighting(self, left: Picture, right: Picture, *cameras: CameraModel) -> Sighting:
+        one, two = cameras
+        return Sighting(left, right, (one, two), self.hardware.t_s, self.hardware.travelled_m)
 
     def _window(self, pixel: Array, margin: int, model: CameraModel) -> Window:
         if self.window_px is None:

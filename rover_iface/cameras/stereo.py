@@ -65,6 +65,9 @@ class PointStereo:
     sigma_px: float = 0.30
     least_px: float = 0.04
     """What a disparity is never better than: bias of bilinear interpolation (Stein and others 2006)."""
+    told: bool = True
+    """Whether it is worked out how far a disparity may be off, which takes as long as finding it: infinite
+    where it is not."""
 
     def __post_init__(self) -> None:
         if self.template_px < 5 or self.template_px % 2 == 0 or self.plane_px % 2 == 0:
@@ -172,40 +175,46 @@ def point_stereo(
     normal = np.empty(3)
     triangulation_kernels.plane_normal(left.packed, float(at[0]), float(at[1]), plane, normal)
     ray = point - left.C
-    variance = k.disparity_spread(
-        left_image,
-        right_image,
-        left.packed,
-        right.packed,
-        at,
-        wide,
-        row,
-        options.slant_sigma,
-        plane,
-    )
-    variance = float(variance) + options.least_px**2 if variance >= 0.0 else (0.5 * wide) ** 2
+    variance, along = np.inf, np.full((3, 3), np.inf)
+    if options.told:
+        variance = _disparity_px2(
+            left_image, right_image, left, right, at, wide, row, options, plane, right_px
+        )
+        # pixels of disparity per metre along the ray
+        per_m = float(np.linalg.norm(right.jacobian(point) @ ray)) / float(np.linalg.norm(ray))
+        along = np.outer(ray, ray) / float(ray @ ray) * variance / max(per_m, 1e-9) ** 2
+    return PointMatch(at, right_px, float(score), point, covariances[0], normal, variance, along)
+
+
+def _disparity_px2(
+    left_image: Image,
+    right_image: Image,
+    left: CameraModel,
+    right: CameraModel,
+    at: Array,
+    wide: int,
+    row: float,
+    options: PointStereo,
+    plane: Array,
+    right_px: Array,
+) -> float:
+    """Return the variance, px^2, of the disparity of a plane [3] that was found for a patch.
+
+    Images [rows, columns]; the patch of `wide` px to either side lies round pixel `at` [2] of the left one
+    and is found at `right_px` [2] of the right one, `row` px off the epipolar curve.
+    """
+    from rover_iface.cameras import stereo_kernels as k
+
+    images = left_image, right_image, left.packed, right.packed, at
+    found = float(k.disparity_spread(*images, wide, row, options.slant_sigma, plane))
+    variance = found + options.least_px**2 if found >= 0.0 else (0.5 * wide) ** 2
     # what surrounds the point leads a wide patch: a narrower one tells by how much
     inner, narrow_px = plane.copy(), np.empty(2)
-    narrow = k.refine_plane(
-        left_image,
-        right_image,
-        left.packed,
-        right.packed,
-        at,
-        max(4, round(NARROWER * wide)),
-        row,
-        options.slant_sigma,
-        inner,
-        narrow_px,
-    )
-    if narrow > -1.0:
+    less = max(4, round(NARROWER * wide))
+    if k.refine_plane(*images, less, row, options.slant_sigma, inner, narrow_px) > -1.0:
         variance += float((narrow_px - right_px) @ (narrow_px - right_px))
     # rows that do not meet tell of a calibration that is off, and columns are off as easily
-    variance += row**2
-    # pixels of disparity per metre along the ray
-    per_m = float(np.linalg.norm(right.jacobian(point) @ ray)) / float(np.linalg.norm(ray))
-    along = np.outer(ray, ray) / float(ray @ ray) * variance / max(per_m, 1e-9) ** 2
-    return PointMatch(at, right_px, float(score), point, covariances[0], normal, variance, along)
+    return variance + row**2
 
 
 def _room(at: Array, shape: tuple[int, ...]) -> float:

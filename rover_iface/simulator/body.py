@@ -99,6 +99,14 @@ class Body:
             scene = ShadowedScene(scene, OwnShadow(self.profile, lambda: self.pose.site_from_rover))
         return Renderer(scene)
 
+    @property
+    def eye(self) -> Renderer:
+        """Return what takes pictures from where the rover stands now, whenever they are read out."""
+        scene = self.renderer.scene
+        if not isinstance(scene, ShadowedScene):
+            return self.renderer
+        return Renderer(scene.cast_from(self.pose.site_from_rover), look=self.renderer.look)
+
     def sun(self, t_s: float) -> Sun:
         """Return the light at a time of the plan."""
         return Sun(self.sun_clock.direction(t_s))

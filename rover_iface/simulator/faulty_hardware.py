@@ -122,12 +122,14 @@ class FaultyHardware(SimulatedHardware):
         first, *others = super().look(look)
         if look.track in self._gone or (self._blind and look.track):
             noise = self.body.rng.random(first.unit.shape).astype(np.float32)
-            first = replace(first, unit=noise)
+            first = replace(first, read=lambda: noise)
         elif look.track in self._shaded:
             shade = np.linspace(0.15, 1.6, first.unit.shape[1], dtype=np.float32)[None, :] ** 2
-            first = replace(first, unit=np.clip(first.unit * shade, 0, 1))
+            shaded = np.clip(first.unit * shade, 0, 1)
+            first = replace(first, read=lambda: shaded)
         if self._dusty and others and self.rig.mounted(look.cameras[1]).mount == "body":
-            others[0] = replace(others[0], unit=self._dusted(others[0]))
+            dusted = self._dusted(others[0])
+            others[0] = replace(others[0], read=lambda: dusted)
         return [first, *others]
 
     def _dusted(self, picture: Picture) -> npt.NDArray[np.float32]:

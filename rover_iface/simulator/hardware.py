@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 
 import numpy as np
 
@@ -34,7 +35,7 @@ from rover_iface.simulator.body import Body
 from rover_iface.simulator.contact import over, place_tool, press
 from rover_iface.simulator.engine import milliseconds
 from rover_iface.simulator.microscope import close_up
-from rover_iface.simulator.render.picture import Negative
+from rover_iface.simulator.render.picture import Frame, Negative
 from rover_iface.simulator.routine import RoutineRover
 from rover_iface.simulator.truth import Truth
 
@@ -43,7 +44,8 @@ class SimulatedHardware:
     """See `rover_iface.behaviour.hardware.Hardware`.
 
     A picture is rendered with the camera where it truly is: on the true pose, with the mast off by its bias
-    and noise. `truth` is told everything that a simulation can score.
+    and noise; those of a look together, when the first of them is read out. `truth` is told everything that a
+    simulation can score.
     """
 
     def __init__(self, host: RoutineRover, body: Body, truth: Truth) -> None:
@@ -176,25 +178,38 @@ class SimulatedHardware:
         if any(camera.mount == "mast" for camera in mounted):
             off = self._jitter()
             pan, tilt = pan + float(off[0]), tilt + float(off[1])
-        sun, render, true = self.body.sun(self.t_s), self.body.renderer, self.body.pose.site_from_rover
-
-        def gather(number: int) -> Negative:
-            model = self.rig.camera(look.cameras[number], pan, tilt).scaled(look.scale)
-            window, sensor = look.windows[number], mounted[number].sensor
-            return render.gather(model.transformed(true), None, sun, window=window, sensor=sensor)
-
-        pictures: list[Picture] = []
-        exposure: float | None = None
+        sun, render, true = self.body.sun(self.t_s), self.body.eye, self.body.pose.site_from_rover
+        models = [
+            self.rig.camera(name, pan, tilt).scaled(look.scale).transformed(true) for name in look.cameras
+        ]
+        for model, window in zip(models, look.windows, strict=True):
+            render.require(model, window)
         # the noise of a lone picture of a camera on the body is the same for every one, so that stored days
         # repeat
         alone = len(mounted) == 1 and mounted[0].mount != "mast"
-        for negative in side_by_side(gather, range(len(mounted))):
-            self._noisy += 0 if alone else 1
-            frame = negative.develop(exposure, 0 if alone else self.body.seed * 100_003 + self._noisy)
-            exposure = frame.exposure
-            number = self.truth.took(frame, tracked=bool(look.track))
-            pictures.append(Picture(frame.unit, frame.bits, number))
-        return pictures
+        salts = [0 if alone else self.body.seed * 100_003 + self._noisy + 1 + n for n in range(len(mounted))]
+        self._noisy += 0 if alone else len(mounted)
+
+        def gather(number: int) -> Negative:
+            window, sensor = look.windows[number], mounted[number].sensor
+            return render.gather(models[number], None, sun, window=window, sensor=sensor)
+
+        @cache
+        def frames() -> list[Frame]:
+            first, *others = side_by_side(gather, range(len(mounted)))
+            taken = [first.develop(None, salts[0])]
+            for negative, salt in zip(others, salts[1:], strict=True):
+                taken.append(negative.develop(taken[-1].exposure, salt))
+            return taken
+
+        def picture(number: int) -> Picture:
+            taken = self.truth.took(
+                models[number].window(*look.windows[number]),
+                (lambda: frames()[number]) if look.track else None,
+            )
+            return Picture(lambda: frames()[number].unit, mounted[number].sensor.bits, taken)
+
+        return [picture(number) for number in range(len(mounted))]
 
     def _jitter(self) -> Array:
         noise: Array = self._bias + self.body.profile.mast.noise_rad * self.body.rng.standard_normal(2)
@@ -225,7 +240,9 @@ class SimulatedHardware:
 
         def seen(_name: str) -> CloseUp:
             frame = body.renderer.render(camera, None, body.sun(self.t_s), samples=2)
-            return CloseUp(frame.image8, camera.transformed(believed_from_true), self.truth.took(frame))
+            return CloseUp(
+                frame.image8, camera.transformed(believed_from_true), self.truth.took(frame.camera)
+            )
 
         self._close_up = seen
         return Contact(True, "", at, touch.beyond_m)
@@ -247,7 +264,7 @@ class SimulatedHardware:
             return CloseUp(
                 found.image,
                 found.frame.camera.transformed(believed_from_true),
-                self.truth.took(found.frame),
+                self.truth.took(found.frame.camera),
                 found.sharp,
                 found.pixel_m,
                 len(found.stack),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -48,6 +49,12 @@ class OwnShadow:
         self._centre: Array = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
         self._radius = float(np.linalg.norm(corners - self._centre, axis=1).max())
 
+    def standing(self, site_from_rover: Transform) -> OwnShadow:
+        """Return the shadow of the rover where it stands now."""
+        still = copy.copy(self)
+        still._where = lambda: site_from_rover
+        return still
+
     def hides(self, points: npt.NDArray[np.float32], origin: Array, to_sun: Array) -> npt.NDArray[np.bool_]:
         """Return which points (n, 3) lie in its shadow for light from `to_sun` (3,), site frame.
 
@@ -75,6 +82,10 @@ class ShadowedScene(Scene):
     def __init__(self, scene: Scene, shadow: OwnShadow) -> None:
         self.__dict__.update(scene.__dict__)
         self._shadow = shadow
+
+    def cast_from(self, site_from_rover: Transform) -> ShadowedScene:
+        """Return the scene with the shadow of a rover that stands still."""
+        return ShadowedScene(self, self._shadow.standing(site_from_rover))
 
     def occluded_local(
         self, origins: npt.NDArray[np.float32], directions: npt.NDArray[np.float32]

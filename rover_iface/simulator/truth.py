@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections import OrderedDict
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -59,14 +59,16 @@ class Truth:
         self.odometry: list[tuple[float, Pose, Pose]] = []
         self.touched: dict[str, Array] = {}
         self._points: dict[str, Array] = {}
-        self._frames: OrderedDict[int, Frame] = OrderedDict()
+        self._frames: OrderedDict[int, Callable[[], Frame]] = OrderedDict()
         self._cameras: list[CameraModel] = []
 
-    def took(self, frame: Frame, *, tracked: bool = False) -> int:
-        """Return the number of a picture, by which its camera is known; with `tracked` what it shows too."""
+    def took(self, camera: CameraModel, frame: Callable[[], Frame] | None = None) -> int:
+        """Return the number of a picture, by which its camera, site frame, is known, and what gives it, if it
+        is for a track.
+        """
         number = len(self._cameras)
-        self._cameras.append(frame.camera)
-        if tracked:
+        self._cameras.append(camera)
+        if frame is not None:
             self._frames[number] = frame
             if len(self._frames) > KEPT:
                 self._frames.popitem(last=False)
@@ -86,7 +88,7 @@ class Truth:
     def told(self, t_s: float, report: TrackReport) -> None:
         """Score an answer of the tracker."""
         if report.begun and report.picture is not None:
-            seen = self._surface_near(self._frames[report.picture], report)
+            seen = self._surface_near(self._frames[report.picture](), report)
             if seen is not None:
                 self._points[report.target] = seen
         here = self.body.true_from_believed.apply(report.position)

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_iface.cameras.model import Array, CameraModel
-from rover_iface.cameras.stereo import Cloud, PointMatch, PointStereo, point_stereo, triangulate
+from rover_iface.cameras.stereo import PointMatch, PointStereo, point_stereo, triangulate
 from rover_iface.frames import Transform
+from rover_iface.vision.handoff import Side
 from rover_iface.vision.resection import resect
 from rover_iface.vision.sift_features import Descriptors, Features, mutual
 from rover_iface.vision.sift_motion import Motion
@@ -25,6 +26,9 @@ from rover_iface.vision.tracker import Image, StereoView
 SIGMA_PX = 0.3
 """Error of the place of a patch in the pair's left image."""
 TEMPLATE_PX = 15
+RANGED = PointStereo(template_px=TEMPLATE_PX, plane_px=19, nearest_m=0.2, told=False)
+"""Window by which the surface under a pixel is ranged. What its disparity may be off nobody asks: many
+patches tell the pose, and what they disagree by its error."""
 FEATURE_RATIO, FEATURE_GATE_PX, FEATURE_REACH_PX = 0.85, 200.0, 4.0
 
 
@@ -110,22 +114,23 @@ def range_pixel(scene: StereoView, pixel: Array, expected_m: float, spread: floa
         scene.left_camera,
         scene.right_camera,
         pixel,
-        options=PointStereo(template_px=TEMPLATE_PX, plane_px=19, nearest_m=0.2),
+        options=RANGED,
         expected_range_m=expected_m,
         range_spread=spread,
     )
     return found if found is not None and found.score > 0.6 else None
 
 
-def find_patches(
-    scene: StereoView, cloud: Cloud, middle: Array, standing: CameraModel, options: DrapeOptions
-) -> list[PointMatch]:
+def find_patches(side: Side, middle: Array, standing: CameraModel, options: DrapeOptions) -> list[PointMatch]:
     """Return ranged corners of the pair's left image that the other camera has in view, by its `standing`.
 
     They lie on the dense cloud round a surface point (3,), frame of the pair, m, whose own place is left out.
     """
     import cv2
 
+    scene, cloud = side.view, side.cloud
+    if cloud is None:
+        return []
     camera = scene.left_camera
     near = cloud.points[np.linalg.norm(cloud.points - middle, axis=1) < options.reach_m]
     near = near[standing.sees(near, options.context_px / 2)]
@@ -149,7 +154,11 @@ def find_patches(
     found = []
     for place in places:
         nearest = int(np.argmin(np.abs(held_px - place).sum(axis=1)))
-        found.append(range_pixel(scene, place, float(ranges[nearest]), 0.08))
+        key = float(place[0]), float(place[1]), float(ranges[nearest])
+        # another guess, or another picture, asks for the same corners
+        if key not in side.ranged:
+            side.ranged[key] = range_pixel(scene, place, key[2], 0.08)
+        found.append(side.ranged[key])
     return [match for match in found if match is not None and match.score > 0.75]
 
 
@@ -175,7 +184,9 @@ def find_draped(
     away = float(np.linalg.norm(patch.point - camera.C))
     source = Template(image, camera, source_px, patch.point, patch.normal, away)
     matcher = TemplateMatcher(
-        NccOptions(search_px=search_px, template_px=TEMPLATE_PX, context_px=context_px, coarse=False)
+        NccOptions(
+            search_px=search_px, template_px=TEMPLATE_PX, context_px=context_px, coarse=False, told=False
+        )
     )
     expected = np.asarray(scene.left_camera.project(patch.point))
     template = matcher.predict(source, scene.left_camera, expected, patch.point)
@@ -201,8 +212,7 @@ def on_plane(camera: CameraModel, pixel: Array, patch: PointMatch) -> Array | No
 def drape(
     image: Image,
     camera: CameraModel,
-    scene: StereoView,
-    cloud: Cloud,
+    scene: Side,
     middle: Array,
     guess: Transform,
     options: DrapeOptions | None = None,
@@ -213,18 +223,18 @@ def drape(
     ----------
     image, camera
         The picture and its camera as believed.
-    scene, cloud
-        The pair whose geometry counts, and its dense cloud.
+    scene
+        The pair whose geometry counts.
     middle
         (3,), m, frame of the pair: round which the patches are taken.
     guess
         Motion that puts the camera right in that frame.
     """
     options = options or DrapeOptions()
-    patches = find_patches(scene, cloud, middle, camera.transformed(guess), options)
+    patches = find_patches(scene, middle, camera.transformed(guess), options)
     best: Draped | None = None
     for search_px in options.search_px:
-        found = _pass(image, camera, scene, patches, guess, search_px, options)
+        found = _pass(image, camera, scene.view, patches, guess, search_px, options)
         if found is None:
             break
         best, guess = found, found.scene_from_source

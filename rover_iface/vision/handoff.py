@@ -56,19 +56,22 @@ WINDOWS_AGREE_PX, SEARCH_OFF_PX = 0.2, 1.5
 class Side:
     """A stereo pair with its dense cloud, made when first asked for.
 
-    `nearest_m` is the least depth that its stereo looks for; `unmoved` the same pair in another frame, whose
-    pictures and features are these. With a largest depth `farthest_m` a subframe of a near thing, whose
-    disparities are wider than itself, is matched too.
+    `nearest_m` is the least depth that its stereo looks for. With a largest depth `farthest_m` a subframe of
+    a near thing, whose disparities are wider than itself, is matched too. `unmoved` is the same pair in
+    another frame with the motion from there: what is made of its pictures is made there, once, and moved.
     """
 
     view: StereoView
     nearest_m: float
-    unmoved: Side | None = None
+    unmoved: tuple[Side, Transform] | None = None
     farthest_m: float | None = None
 
     @cached_property
     def cloud(self) -> Cloud | None:
         """Return the dense cloud of the pair at every second pixel, None where there is none."""
+        if self.unmoved is not None:
+            pair, motion = self.unmoved
+            return None if pair.cloud is None else _moved(pair.cloud, motion)
         v = self.view
         try:
             found = dense_stereo(
@@ -87,40 +90,41 @@ class Side:
     @cached_property
     def surface(self) -> Surface | None:
         """Return the cloud as a mesh."""
+        if self.unmoved is not None:
+            pair, motion = self.unmoved
+            return None if pair.surface is None else pair.surface.moved(motion)
         return None if self.cloud is None else surface_from_cloud(self.cloud, STEP)
 
     @cached_property
     def features(self) -> Features:
         """Return the features that both images show, ranged."""
+        if self.unmoved is not None:
+            pair, motion = self.unmoved
+            return pair.features.moved(motion)
         return find_features(self.view, count=FEATURES, ratio=0.85, row_px=1.5)
 
     @cached_property
     def picture_features(self) -> tuple[Array, Descriptors]:
         """Return pixels (n, 2) and descriptors (n, 128) of the left image's features."""
         if self.unmoved is not None:
-            return self.unmoved.picture_features
+            return self.unmoved[0].picture_features
         return detect(self.view.left, FEATURES)
 
+    @cached_property
+    def ranged(self) -> dict[tuple[float, float, float], PointMatch | None]:
+        """Return what was ranged so far: corners of the left image by pixel, px, and expected range, m."""
+        return {}
+
     def moved(self, motion: Transform) -> Side:
-        """Return the same pair with its cameras, and what was made of them, in another frame."""
+        """Return the same pair with its cameras, and what is made of them, in another frame."""
         v = self.view
-        out = Side(
-            replace(
-                v,
-                left_camera=v.left_camera.transformed(motion),
-                right_camera=v.right_camera.transformed(motion),
-            ),
-            self.nearest_m,
-            self if self.unmoved is None else self.unmoved,
-            self.farthest_m,
+        view = replace(
+            v,
+            left_camera=v.left_camera.transformed(motion),
+            right_camera=v.right_camera.transformed(motion),
         )
-        if "cloud" in self.__dict__ and self.cloud is not None:
-            points = np.asarray(motion.apply(self.cloud.points), dtype=np.float64)
-            moved = replace(self.cloud, points=points, camera=self.cloud.camera.transformed(motion))
-            out.__dict__["cloud"] = moved
-        if "surface" in self.__dict__ and self.surface is not None:
-            out.__dict__["surface"] = self.surface.moved(motion)
-        return out
+        pair, before = (self, Transform.identity()) if self.unmoved is None else self.unmoved
+        return Side(view, self.nearest_m, (pair, motion * before), self.farthest_m)
 
     def point(self, pixel: Array, expected_m: float | None = None, spread: float = 0.25) -> PointMatch | None:
         """Return the surface point under a pixel [2] of the left image by point stereo.
@@ -137,6 +141,11 @@ class Side:
             expected_range_m=expected_m,
             range_spread=spread,
         )
+
+
+def _moved(cloud: Cloud, motion: Transform) -> Cloud:
+    points = np.asarray(motion.apply(cloud.points), dtype=np.float64)
+    return replace(cloud, points=points, camera=cloud.camera.transformed(motion))
 
 
 @dataclass(frozen=True)

@@ -382,11 +382,11 @@ def sharpened(known: KnownPair, point: Array, view: StereoView, rough: Motion) -
 
     Where few patches agree many features will do.
     """
-    options, pair, cloud = known.options, known.side.view, known.side.cloud
+    options, side = known.options, known.side
     motion, agreeing = rough, 0
-    if cloud is not None:
+    if side.cloud is not None:
         guess = rough.new_from_old.inverse()
-        draped = drape(view.left, view.left_camera, pair, cloud, point, guess, options.drape)
+        draped = drape(view.left, view.left_camera, side, point, guess, options.drape)
         agreeing = 0 if draped is None else draped.motion.inliers
         if draped is not None and agreeing >= options.drape.least_agree:
             motion = draped.motion

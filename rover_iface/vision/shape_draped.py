@@ -58,7 +58,7 @@ def lay(side: Side, scene: Side, pixel: Array, options: DrapeOptions) -> Draped 
             middle = np.asarray(guess.apply(match.point))
         else:
             continue
-        found = drape(view.left, view.left_camera, scene.view, scene.cloud, middle, guess, options)
+        found = drape(view.left, view.left_camera, scene, middle, guess, options)
         if found is not None and (best is None or found.motion.inliers > best.motion.inliers):
             best = found
         if best is not None and best.motion.inliers >= options.enough:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from rover_iface.behaviour.action import Doing
 from rover_iface.behaviour.hardware import Look, Picture
 from rover_iface.behaviour.mast_cameras import SUBFRAME_PX
 from rover_iface.contract import write_contract_world
+from rover_iface.simulator.render.picture import Negative, Window
+from rover_iface.simulator.render.renderer import Renderer
 from rover_iface.simulator.subframe_rover import make_rover
 from rover_iface.simulator.terrain_rover import TerrainRover
 from rover_iface.vision.correlation.judging import Judgement
@@ -57,6 +60,35 @@ def test_a_rover_whose_heading_jumped_finds_its_target_and_places(world: Path) -
     placed = do(rover, "ipplaceinstrument", target="T1")
     assert placed.values["made"] is True, placed.reason
     assert float(placed.values["placement_error_m"]) < 0.02
+
+
+def test_a_pair_that_is_kept_is_drawn_when_it_is_asked_as_it_was_taken(world: Path) -> None:
+    """A rover keeps four pairs and asks hardly any: drawing them took a tenth of a day's processor time."""
+    rover = make_rover(world, seed=4, own_shadow=True)
+    sun = rover.body.sun(rover.t_s)
+    # where the rover's shadow ends
+    point = -np.array((*sun.direction[:2], 0.0)) / math.hypot(*sun.direction[:2])
+    cameras = rover.repertoire.imaging.cameras
+    drawn, gather = list[Window](), Renderer.gather
+
+    def counted(self: Renderer, *arguments: Any, **options: Any) -> Negative:
+        drawn.append(options["window"])
+        return gather(self, *arguments, **options)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Renderer, "gather", counted)
+        sighting = cameras.stereo(point)
+        camera = rover.truth.camera(sighting.left.number)
+        standing = rover.body.eye
+        moved(rover, 0.3, 0.2, 20.0)
+        assert drawn == []
+        view = sighting.view
+        assert sighting.view is view
+        assert len(drawn) == 2
+    sensor = rover.hardware.rig.mounted("navcam_left").sensor
+    taken, now = (eye.render(camera, None, sun, sensor=sensor) for eye in (standing, rover.body.eye))
+    assert np.abs(view.left - taken.unit).mean() < 0.02  # but for the noise
+    assert np.abs(view.left - now.unit).mean() > 0.1
 
 
 def test_a_target_that_is_lost_near_by_is_taken_back_by_what_lies_round_it(

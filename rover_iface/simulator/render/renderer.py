@@ -110,6 +110,17 @@ class Renderer:
             exposure, seed
         )
 
+    def require(self, camera: CameraModel, window: Window) -> None:
+        """Raise `RenderError` where `gather` would: the window (left, top, width, height), px, is outside the
+        frame of a camera of the site frame, or that below the ground.
+        """
+        left, top, width, height = window
+        if left < 0 or top < 0 or left + width > camera.width or top + height > camera.height or width < 1:
+            raise RenderError(
+                f"window {window} does not lie in the frame of {camera.width} x {camera.height} pixels"
+            )
+        self.scene.require_above_ground(camera.C)
+
     def gather(
         self,
         camera: CameraModel,
@@ -126,11 +137,7 @@ class Renderer:
         """
         site_camera = _in_site(camera, pose)
         left, top, width, height = window or (0, 0, camera.width, camera.height)
-        if left < 0 or top < 0 or left + width > camera.width or top + height > camera.height or width < 1:
-            raise RenderError(
-                f"window {window} does not lie in the frame of {camera.width} x {camera.height} pixels"
-            )
-        self.scene.require_above_ground(site_camera.C)
+        self.require(site_camera, (left, top, width, height))
         sensor = sensor or Sensor()
         pad = 3 if sensor.psf_sigma_px > 0 else 0
         padded = (left - pad, top - pad, width + 2 * pad, height + 2 * pad)

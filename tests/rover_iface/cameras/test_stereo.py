@@ -100,6 +100,21 @@ def test_an_expected_range_narrows_the_search() -> None:
     assert nothing is None or nothing.score < 0.7
 
 
+def test_a_range_whose_error_is_not_asked_for_is_the_same_range() -> None:
+    pose = Pose(-5.0, 0.0, 0.0)
+    left = picture(pose, half=90)
+    right = picture(pose, "navcam_right", half=90, exposure=left.exposure, seed=2)
+    images = left.unit, right.unit, left.camera, right.camera
+    told = point_stereo(*images, (90, 90))
+    plain = point_stereo(*images, (90, 90), options=PointStereo(told=False))
+    assert told is not None
+    assert plain is not None
+    assert (told.point == plain.point).all()
+    assert told.score == plain.score
+    assert np.isfinite(told.surface_covariance).all()
+    assert not np.isfinite(plain.surface_covariance).any()
+
+
 def test_without_a_partner_there_is_no_point() -> None:
     pose = Pose(-5.0, 0.0, 0.0)
     left = picture(pose, half=60)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 
@@ -13,11 +14,12 @@ from rover_iface.cameras.stereo import PointMatch
 from rover_iface.errors import TrackerError
 from rover_iface.frames import Pose, Transform
 from rover_iface.simulator.render.picture import Frame
-from rover_iface.vision import handoff_cascade
+from rover_iface.vision import drape, handoff, handoff_cascade
+from rover_iface.vision.drape import DrapeOptions
 from rover_iface.vision.handoff import METHODS, Handoff, Side, hand_off, scaled_window
 from rover_iface.vision.handoff_cascade import CascadeOptions, cascade
 from rover_iface.vision.resection import resect
-from rover_iface.vision.shape_draped import register_views
+from rover_iface.vision.shape_draped import lay, register_views
 from rover_iface.vision.sift_motion import small_rotation
 from rover_iface.vision.tracker import StereoView
 from studies.common.mast_error import mast_error
@@ -63,6 +65,60 @@ def given(tilt: float = TILT) -> tuple[Handoff, np.ndarray]:
     return Handoff(haz, near.moved(wrong), pixel, near.moved(wrong), pixel), np.asarray(
         haz.view.left_camera.project(target)
     )
+
+
+def test_what_a_pair_ranges_is_worked_out_once_whatever_frame_it_is_asked_in(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    near, *_ = world()
+    side = Side(near.view, near.nearest_m)
+    asked = list[str]()
+
+    def counted(name: str, given: Callable[..., object]) -> Callable[..., object]:
+        def call(*arguments: object, **options: object) -> object:
+            asked.append(name)
+            return given(*arguments, **options)
+
+        return call
+
+    for name in ("dense_stereo", "find_features"):
+        monkeypatch.setattr(handoff, name, counted(name, getattr(handoff, name)))
+    turn = Transform.from_rpy(0.0, 0.0, 0.3, (1.0, -2.0, 0.1))
+    for other in (side.moved(turn), side.moved(turn).moved(turn.inverse()), side.moved(turn.inverse())):
+        assert other.cloud is not None
+        assert other.surface is not None
+        assert len(other.features) > 20
+    assert sorted(asked) == ["dense_stereo", "find_features"]
+    back = side.moved(turn).moved(turn.inverse())
+    assert back.cloud is not None
+    assert side.cloud is not None
+    assert np.abs(back.cloud.points - side.cloud.points).max() < 1e-9
+    expected = turn.apply(side.features.points)
+    assert np.abs(side.moved(turn).features.points - expected).max() < 1e-9
+
+
+def test_a_corner_is_ranged_once_for_all_pictures_that_are_laid_over_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    setting, _ = given(0.0)
+    scene = Side(setting.hazcam.view, 0.3)
+    asked = list[tuple[float, ...]]()
+    ranged = drape.range_pixel
+
+    def counted(view: StereoView, pixel: np.ndarray, *arguments: float) -> PointMatch | None:
+        asked.append((*pixel, *arguments))
+        return ranged(view, pixel, *arguments)
+
+    monkeypatch.setattr(drape, "range_pixel", counted)
+    side, pixel = setting.source("near")
+    first = lay(side, scene, pixel, DrapeOptions())
+    many = len(asked)
+    again = lay(side, scene, pixel, DrapeOptions())
+    assert first is not None
+    assert again is not None
+    assert many > 30
+    assert len(asked) == many
+    assert (first.points == again.points).all()
 
 
 def test_every_method_is_near_the_truth_with_a_well_known_mast() -> None:
