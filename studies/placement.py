@@ -10,8 +10,8 @@ dense stereo on rendered pairs, those of `--rocks` by the cheap model of stereo;
 check, so that the first vouch for the second. The mast's narrow pair looks at a place before the tool is put
 there; what it sees is rendered for both.
 
-The rover moves as the `full` one does: to where the arm reaches, and once to see the designated point from
-another side. Pictures, hand-off and drive err anew there, and the spot by `MOVED_M` more.
+The rover moves as the `full` one does: to where the arm reaches, and to see the designated point from another
+side. Pictures, hand-off, spot and drive err anew there.
 
 The truth is cast on the triangles, along the tool's true axis and with the arm's error, against what the
 instrument bears (`TrueLimits`). An accept is unsafe if anything is wrong there. A refusal, or a move that
@@ -58,12 +58,7 @@ ON_POINT_M = 0.005
 SPOT_M = 0.0015
 """One deviation, each way across the line of sight, of the spot that the designated pixel of the near navcams
 shows: eight tracks that the first narrow picture corrected were 2.0 mm off, rms over both
-(`vision.narrow.recall`).
-"""
-
-MOVED_M = 0.001
-"""The same, that a move of the base adds: 70 degrees round a target at 7 m leave 4 mm, which is 0.6 mrad and
-0.8 mm at the range of the near navcams (docs/results/tracking.md, Figure 10).
+(`vision.narrow.recall`). After a move it is asked again.
 """
 
 DRIVE_M, DRIVE_RAD = 0.02, 0.03
@@ -202,10 +197,10 @@ class Attempt:
 
 
 def attempt(
-    rock: RockScene, picked: Array, at: Array, off_m: Array, number: int, rendered: bool, another_view: bool
+    rock: RockScene, picked: Array, at: Array, off_m: Array, number: int, rendered: bool, views_left: int
 ) -> Attempt:
     """Return what comes of a point that was picked (3,), handed off to `at` (3,) and tracked with an error
-    `off_m` (2,), m (`spot`), from stand `number`; with `another_view` that may be a move to another.
+    `off_m` (2,), m (`spot`), from stand `number`; while there are `views_left` that may be a move to another.
     """
     seed = rock.seed + number * STAND_SEED
     hazcam, navcam = rock.hazcam, rock.navcam(at)
@@ -231,7 +226,7 @@ def attempt(
         segmentation=found,
         second=None if trusted is None else trusted.cloud,
         narrow=narrow,
-        another_view=another_view,
+        views_left=views_left,
     )
     return Attempt(rock, picked, at, meant, cloud, found, laid, navcam, verdict, len(looks))
 
@@ -240,14 +235,12 @@ def attempts(rock: RockScene, rendered: bool) -> list[Attempt]:
     """Return what comes of a rock from each stand in turn, moved as the `full` rover moves."""
     picked, at = designated(rock)
     off_m = np.random.default_rng([rock.seed, 0x5107]).normal(0.0, SPOT_M, 2)
-    stand, number, another_view = HERE, 0, True
-    tried = [attempt(rock, picked, at, off_m, number, rendered, another_view)]
-    for _ in range(MOVES):
-        move = tried[-1].verdict.base_move
-        if move is None:
-            break
+    stand, views_left, there = HERE, MOVES, picked
+    tried = [attempt(rock, there, at, off_m, 0, rendered, views_left)]
+    number = 0
+    while views_left and (move := tried[-1].verdict.base_move) is not None:
         if move.distance_m <= FARTHEST_MOVE_M and abs(move.turn_rad) <= MOST_TURN_RAD:
-            number += 1
+            number, views_left = number + 1, views_left - 1
             rng = np.random.default_rng([rock.seed, 0x3072, number])
             ahead, aside, turned = (float(v) for v in rng.standard_normal(3) * (DRIVE_M, DRIVE_M, DRIVE_RAD))
             pose = move.pose
@@ -256,13 +249,10 @@ def attempts(rock: RockScene, rendered: bool) -> list[Attempt]:
             rock = rock_scene(rock.seed, stand)
             there = np.asarray(stand.site_from_rover.inverse().apply(picked), dtype=np.float64)
             at = np.asarray(there + rng.normal(0.0, HANDOFF_M / math.sqrt(3.0), 3))
-            off_m += rng.normal(0.0, MOVED_M, 2)
-        elif another_view:
-            there = picked
+            off_m = rng.normal(0.0, SPOT_M, 2)
         else:
-            break
-        another_view = False
-        tried.append(attempt(rock, there, at, off_m, number, rendered, another_view))
+            views_left = 0
+        tried.append(attempt(rock, there, at, off_m, number, rendered, views_left))
     return tried
 
 

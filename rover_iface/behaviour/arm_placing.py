@@ -88,7 +88,7 @@ class ArmPlacing(Placing):
 
     def _attempt_moving(self, followed: Followed) -> Generator[Step, None, Attempt]:
         """Return what comes of a placement, the rover moved where the safety check asks for it: to where the
-        arm reaches, and once to see the designated point from another side.
+        arm reaches, and to see the designated point from another side.
 
         Raises
         ------
@@ -98,18 +98,17 @@ class ArmPlacing(Placing):
         stand = self.driving.stand(followed.target.id)
         if stand is not None and not self.eyes.sees(followed):
             yield from self.moves.to(followed, stand)
-        another_view = True
-        attempt = yield from self._attempt(followed, another_view=another_view)
-        for _ in range(MOVES):
+        views_left = MOVES
+        attempt = yield from self._attempt(followed, views_left)
+        while views_left:
             move = attempt.verdict.base_move or self._nearer(attempt)
             if move is None:
                 break
             wanted = self.hardware.believed.site_from_rover * move.pose.site_from_rover
             moved = yield from self.moves.to(followed, Pose.from_transform(wanted))
-            if not (moved or another_view):
-                break
-            another_view = another_view and attempt.verdict.base_move is None
-            attempt = yield from self._attempt(followed, another_view=another_view)
+            # where the rover cannot go it decides by what it sees from here
+            views_left = views_left - 1 if moved else 0
+            attempt = yield from self._attempt(followed, views_left)
         return attempt
 
     def _nearer(self, attempt: Attempt) -> BaseMove | None:
@@ -152,9 +151,9 @@ class ArmPlacing(Placing):
         self.follower.forget(name)
         return Outcome(True, values=values)
 
-    def _attempt(self, followed: Followed, *, another_view: bool = False) -> Doing[Attempt]:
-        """Return what comes of a placement from here; with `another_view` that may be a move to see the
-        target from another side.
+    def _attempt(self, followed: Followed, views_left: int) -> Doing[Attempt]:
+        """Return what comes of a placement from here; while there are `views_left` that may be a move to see
+        the target from another side (`plan_placement`).
 
         Raises
         ------
@@ -195,7 +194,7 @@ class ArmPlacing(Placing):
             arm=way,
             second=None if laid is None else laid.cloud,
             narrow=narrow if carried(self.cameras.rig) else None,
-            another_view=another_view,
+            views_left=views_left,
         )
         motion = verdict.posture if isinstance(verdict.posture, Motion) else None
         touch = None

@@ -50,7 +50,7 @@ def plan_placement(
     rock_only: bool = True,
     second: SurfaceCloud | None = None,
     narrow: NarrowLook | None = None,
-    another_view: bool = False,
+    views_left: int = 0,
 ) -> PlacementVerdict:
     """Return whether and where the tool may be put on the rock that holds `designated_point`.
 
@@ -77,10 +77,11 @@ def plan_placement(
     narrow
         Asked for what the mast's narrow pair sees of a place before the tool is put there, registered to
         `cloud`; None on a rover without one.
-    another_view
-        Whether the rover may go to see the designated point from another side: where that is not known well
-        enough to be taken, and nothing that is known speaks against it, the verdict is a move of the base. So
-        it is where no place is found among some that are not known well enough.
+    views_left
+        How many moves of the base to see the designated point from another side the rover may still make.
+        With more than one the verdict is such a move where that point is not known well enough to be taken,
+        and nothing that is known speaks against it; with one, where no place is found among some that are not
+        known well enough.
 
     Raises
     ------
@@ -107,7 +108,7 @@ def plan_placement(
     rock = found.rocks[label] if label != GROUND else None
     ask = arm if arm is not None else Arm(profile.arm).solve
     looks = NarrowLooks(check, narrow, profile)
-    return _search(Search(check, at, ask, rock, looks), profile, another_view)
+    return _search(Search(check, at, ask, rock, looks), profile, views_left)
 
 
 def _checks(
@@ -129,20 +130,20 @@ def _checks(
     return JointCheck(checks)
 
 
-def _search(search: Search, profile: RoverProfile, another_view: bool) -> PlacementVerdict:
+def _search(search: Search, profile: RoverProfile, views_left: int) -> PlacementVerdict:
     """Judge the designated point, then others of the same rock, the nearest first.
 
-    The designated point is taken if it is safe with some room. Where `another_view` is allowed and it is not
-    known to be bad, it is looked at from another side, and so where no place is found. Else the nearest calm
-    point that the arm reaches; without one, the nearest where it would tilt the tool; without one, the safe
-    one of least strain. Where none is safe, the search is done again in finer steps, and then the one is
-    taken that bears a close look best. Where there is a narrow pair it looks at each place before it is
-    taken, and of places beside the designated point only those are taken that it knows.
+    The designated point is taken if it is safe with some room. Where it is not known to be bad, it is looked
+    at from another side while `views_left` are more than one: one is left for where no place is found. Else
+    the nearest calm point that the arm reaches; without one, the nearest where it would tilt the tool;
+    without one, the safe one of least strain. Where none is safe, the search is done again in finer steps,
+    and then the one is taken that bears a close look best. Where there is a narrow pair it looks at each
+    place before it is taken, and of places beside the designated point only those are taken that it knows.
     """
     meant = search.designated()
     if meant is not None:
         return meant
-    if another_view and search.hopeful and (view := search.from_another_side(profile)) is not None:
+    if views_left > 1 and search.hopeful and (view := search.from_another_side(profile)) is not None:
         return view
     for coarse in (2.5, 1.0):
         verdict = search.sweep(coarse)
@@ -152,7 +153,7 @@ def _search(search: Search, profile: RoverProfile, another_view: bool) -> Placem
             break
     close = sorted(search.close, key=lambda one: one.close_strain)
     found = search.first_reached(close) or search.by_looks()
-    if found is None and another_view and search.unsure and search.out_of_reach is None:
+    if found is None and views_left > 0 and search.unsure and search.out_of_reach is None:
         found = search.from_another_side(profile)
     return found or search.not_placed(profile)
 

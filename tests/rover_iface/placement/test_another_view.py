@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator
-from functools import lru_cache
+from functools import lru_cache, partial
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -16,7 +16,14 @@ from rover_iface.behaviour.arm_placing import ArmPlacing
 from rover_iface.behaviour.attempt import Attempt
 from rover_iface.behaviour.following import Followed
 from rover_iface.frames import Pose, wrap_angle
-from rover_iface.placement import Decision, PlacementVerdict, SurfaceCloud, plan_placement, segment
+from rover_iface.placement import (
+    Decision,
+    PlacementVerdict,
+    SafetyLimits,
+    SurfaceCloud,
+    plan_placement,
+    segment,
+)
 from rover_iface.placement.arm import Arm, Posture
 from rover_iface.placement.base_adjustment import (
     ANOTHER_SIDE_RAD,
@@ -51,18 +58,18 @@ def seen(hole_m: float) -> SurfaceCloud:
     return cloud_of_points(points, sigma_m=0.002, eye=EYE)
 
 
-def decided(k9: RoverProfile, hole_m: float, *, another_view: bool) -> PlacementVerdict:
+def decided(k9: RoverProfile, hole_m: float, *, views_left: int) -> PlacementVerdict:
     cloud = seen(hole_m)
-    return plan_placement(cloud, spot()[0], k9, segmentation=segment(cloud), another_view=another_view)
+    return plan_placement(cloud, spot()[0], k9, segmentation=segment(cloud), views_left=views_left)
 
 
 def test_a_point_in_a_hole_is_looked_at_from_another_side_before_a_place_beside_it(
     k9: RoverProfile,
 ) -> None:
-    here = decided(k9, 0.03, another_view=False)
+    here = decided(k9, 0.03, views_left=0)
     assert here.decision is not Decision.PLACE
     assert here.base_move is None or here.distance_m > 0.0
-    there = decided(k9, 0.03, another_view=True)
+    there = decided(k9, 0.03, views_left=2)
     assert there.decision is Decision.MOVE_BASE
     assert there.base_move is not None
     assert there.point is not None
@@ -70,14 +77,26 @@ def test_a_point_in_a_hole_is_looked_at_from_another_side_before_a_place_beside_
     assert [f.reason for f in there.findings] == [f.reason for f in here.findings]
 
 
+def test_the_last_view_is_left_for_where_no_place_is_found(k9: RoverProfile) -> None:
+    cloud = seen(0.03)
+    found = segment(cloud)
+
+    def reached(point: Array, normal: Array) -> Posture:
+        return Posture(np.zeros(5), 0.0)
+
+    decide = partial(plan_placement, cloud, spot()[0], k9, segmentation=found, arm=reached, views_left=1)
+    assert decide().decision is Decision.PLACE_NEAR
+    only_there = decide(limits=SafetyLimits(search_m=0.032))
+    assert only_there.decision is Decision.MOVE_BASE
+    assert only_there.distance_m == 0.0
+
+
 def test_a_point_that_is_safe_from_here_is_taken_from_here(k9: RoverProfile) -> None:
     def reached(point: Array, normal: Array) -> Posture:
         return Posture(np.zeros(5), 0.0)
 
     cloud = seen(0.0)
-    verdict = plan_placement(
-        cloud, spot()[0], k9, segmentation=segment(cloud), arm=reached, another_view=True
-    )
+    verdict = plan_placement(cloud, spot()[0], k9, segmentation=segment(cloud), arm=reached, views_left=2)
     assert verdict.decision is Decision.PLACE
 
 
@@ -91,7 +110,7 @@ def test_a_point_that_is_known_to_be_bad_is_worth_no_move(k9: RoverProfile) -> N
     def reached(point: Array, normal: Array) -> Posture:
         return Posture(np.zeros(5), 0.0)
 
-    verdict = plan_placement(cloud, spot()[0], k9, segmentation=found, arm=reached, another_view=True)
+    verdict = plan_placement(cloud, spot()[0], k9, segmentation=found, arm=reached, views_left=2)
     assert verdict.decision is Decision.PLACE_NEAR
 
 
@@ -125,7 +144,7 @@ class Bench(ArmPlacing):
 
     def __init__(self, asked: list[bool], *, goes: bool) -> None:
         self.asked, self.goes = asked, goes
-        self.views: list[bool] = []
+        self.views: list[int] = []
         self.driving: Any = SimpleNamespace(stand=lambda name: None)
         self.hardware: Any = SimpleNamespace(believed=Pose(0.0, 0.0))
         self.moves: Any = SimpleNamespace(to=self._to)
@@ -137,25 +156,25 @@ class Bench(ArmPlacing):
     def _nearer(self, attempt: Attempt) -> BaseMove | None:
         return None
 
-    def _attempt(self, followed: Followed, *, another_view: bool = False) -> Generator[Step, None, Attempt]:
+    def _attempt(self, followed: Followed, views_left: int) -> Generator[Step, None, Attempt]:
         yield Step(1, 1.0)
-        self.views.append(another_view)
+        self.views.append(views_left)
         move = BaseMove(Pose(0.3, 0.0), 0.3, 0.0, 1.0) if self.asked.pop(0) else None
         return cast("Attempt", SimpleNamespace(verdict=SimpleNamespace(base_move=move)))
 
-    def tried(self) -> list[bool]:
-        """Return for each attempt whether it might end in a move to another view."""
+    def tried(self) -> list[int]:
+        """Return for each attempt how many moves to another view were left."""
         followed: Any = SimpleNamespace(target=SimpleNamespace(id="T"))
         for _ in self._attempt_moving(followed):
             pass
         return self.views
 
 
-def test_the_rover_goes_once_to_see_another_side() -> None:
-    assert Bench([True, False], goes=True).tried() == [True, False]
-    assert Bench([True, True, True], goes=True).tried() == [True, False, False]
+def test_each_move_leaves_one_view_less() -> None:
+    assert Bench([True, False], goes=True).tried() == [2, 1]
+    assert Bench([True, True, True], goes=True).tried() == [2, 1, 0]
 
 
 def test_where_the_rover_cannot_go_it_decides_by_what_it_sees_from_here() -> None:
-    assert Bench([True, False], goes=False).tried() == [True, False]
-    assert Bench([True, True, True], goes=False).tried() == [True, False]
+    assert Bench([True, False], goes=False).tried() == [2, 0]
+    assert Bench([True, True], goes=False).tried() == [2, 0]
