@@ -198,15 +198,18 @@ class Search:
         one of least strain; None if there is none.
         """
         hopes = sorted(self.unsure, key=lambda one: (len(one.findings), one.strain))
+        fine = self.check.candidates(self.at, coarse=1.0)[1:]
         for hope in hopes:
             if self.looks.left == 0 or self.asked == MOST_ASKED:
                 break
             if self.looks.told(hope.point):
                 continue
             self.looks.opinion(hope.point, anew=True)
-            around = [one for one in self.unsure if np.linalg.norm(one.point - hope.point) < LOOK_REACH_M]
-            for judged in sorted(around, key=lambda one: float(np.linalg.norm(one.point - self.at))):
-                if (verdict := self.shown_well(judged.point)) is not None:
+            # a look tells of more places than were judged in coarse steps; the nearest come first
+            for point in fine:
+                if np.linalg.norm(point - hope.point) >= LOOK_REACH_M or not _promising(self.judge(point)):
+                    continue
+                if (verdict := self.shown_well(point)) is not None:
                     return verdict
         for good in sorted(self.fair, key=lambda one: one.strain):
             if (posture := self.reached(good, self.check.limits.beside_sigmas)) is not None:

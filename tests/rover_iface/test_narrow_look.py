@@ -18,11 +18,12 @@ from rover_iface.placement import Decision, PlacementVerdict, Reason, SurfaceClo
 from rover_iface.placement.arm import Posture
 from rover_iface.placement.cloud import Array, cloud_of_points
 from rover_iface.placement.fused_check import FusedOptions, FusedSurface, fuse
-from rover_iface.placement.narrow_looks import MOST_LOOKS, NarrowLook
+from rover_iface.placement.narrow_looks import MOST_LOOKS, NarrowLook, Sight
 from rover_iface.placement.patch_check import Judged, PatchCheck
 from rover_iface.placement.safety_limits import SafetyLimits
 from rover_iface.placement.search import Search
 from rover_iface.placement.segmentation import Segmentation
+from rover_iface.placement.verdict import Finding
 from rover_iface.profile import RoverProfile, load_profile
 from tests.rover_iface.domes import EYE, MAST, ROCKS, raster
 
@@ -343,6 +344,37 @@ def test_looks_are_few_and_a_place_that_is_not_calm_is_not_taken_unseen(k9: Rove
     assert 1 < len(asked) <= MOST_LOOKS
     if refused.point is not None:
         assert min(float(np.linalg.norm(refused.point - at)) for at in asked) < 0.03
+
+
+def test_all_places_that_a_look_tells_of_are_asked_for(k9: RoverProfile) -> None:
+    # 44231: of the places round a look only those of the coarse grid were, and none of them was good
+    at, coarse, fine = np.zeros(3), np.array([0.05, 0.0, 0.0]), np.array([0.058, 0.0, 0.0])
+    up = np.array([0.0, 0.0, 1.0])
+    hole = Finding(Reason.STEREO_HOLE, 0.03, 0.012, "m")
+    measures: Any = SimpleNamespace(normal_sigma_rad=0.01)
+    good = Judged(fine, up, measures, (), 0.5)
+    asked: list[Array] = []
+
+    def opinion(point: Array, *, anew: bool = False) -> Any:
+        if anew:
+            asked.append(point)
+        seen = any(np.linalg.norm(point - one) < 0.02 for one in asked)
+        return SimpleNamespace(judged=good if seen and point is fine else None, sight=Sight.UNKNOWN)
+
+    check: Any = SimpleNamespace(
+        limits=SafetyLimits(),
+        crease_m=lambda *_places: 0.0,
+        candidates=lambda _at, coarse: [at, fine] if coarse == 1.0 else [at],
+        judge=lambda point, brief=False: Judged(point, None, None, (hole,)),
+    )
+    looks: Any = SimpleNamespace(left=6, opinion=opinion, told=lambda _point: False, blind=False)
+    posture: Any = SimpleNamespace(tool_tilt_rad=0.0)
+    search = Search(check, at, lambda *_asked: posture, None, looks)
+    search.judge(at)
+    search.unsure = [search.judge(coarse)]
+    verdict = search.by_looks()
+    assert verdict is not None
+    assert verdict.point is fine
 
 
 # ---- pointing
