@@ -22,38 +22,43 @@ import numpy as np
 import numpy.typing as npt
 
 from rover_iface.cameras.model import Array, CameraModel
-from rover_iface.cameras.stereo import PointMatch, PointStereo, point_stereo
+from rover_iface.cameras.stereo import PointMatch, point_stereo
 from rover_iface.errors import CameraError, RenderError, TrackerError
 from rover_iface.frames import Transform
 from rover_iface.vision.drape import SIGMA_PX, DrapeOptions, drape, find_draped, on_plane
 from rover_iface.vision.handoff import Side
 from rover_iface.vision.resection import resect
-from rover_iface.vision.sift_features import Features, detect, find_features, mutual
+from rover_iface.vision.sift_features import Descriptors, Features, detect, find_features, mutual
 from rover_iface.vision.sift_motion import Motion, settle
+from rover_iface.vision.spot_range import range_spot
 from rover_iface.vision.tracker import StereoView
 
 NEAREST_M, ROW_PX = 1.0, 1.5
 """Least depth that stereo looks for, and how far a match may be from its epipolar line."""
-FINE, FINE_OFF_PX = PointStereo(template_px=9, plane_px=13, nearest_m=0.3), 2.0
-"""Window that ranges the target itself, and how far its disparity may be off the one expected: from a metre
-to the side a range that is off moves the pixel. Against the truth of 72 targets (tuning seeds 0 to 11)
-disparities of the trackers' window of 21 px were 0.35 px off, 1.4 px at most, of 9 px 0.17: near an outline
-the wide one takes in what is behind. Within 15 % of the range, 8 px at 4 m, the narrow one took another spot
-45 cm off twice in 81 (seeds 44207450 and 44207451)."""
+SPOT_OFF_PX = 4.0
+"""How far the disparity of the target itself may be off the one expected: the trackers' window of 21 px takes
+in what is behind an outline and was up to 2.3 px off there."""
+SPOT_SCORE = 0.4
+"""Of a spot where noise alone keeps its pixels off one surface 0.33 to 1, at a cost of 2 and less; of planes
+that were no surface 0.08 (four of 840 points, tuning)."""
+ABOUT_PX = 4.0
+"""How far round the target the dense cloud proposes ranges: half a block of it. Two of 400 points were ranged
+28 px of disparity off by the trackers' window."""
 LEAST_SCORE = 0.4
 """Correlation of both images that the trackers' window needs: a face in its own shadow is mostly noise. A
 chance match that is no better has the expected range once in ten."""
-WIDE_SPREAD, WIDE_PX = 0.5, 3.0
-"""Share of the range within which the trackers' window must find nothing else, and how far its disparity may
-be off: at an outline it was up to 1.4 px (the same targets)."""
-DISPARITY_PX = 0.2
-"""Error of such a disparity."""
+WIDE_SPREAD = 0.5
+"""Share of the range within which the trackers' window looks for something else at the target's place."""
 OWN_SEARCH_PX, OWN_CONTEXT_PX, OWN_SCORE, OWN_ACROSS_PX = 5, 25, 0.8, 1.0
 """Search for the target's own patch, the window over which its places are compared, the least correlation,
 and how far off the line on which its range may move it: what moved with the light mostly does not."""
 OWN_PX, OWN_SIGMAS = 0.5, 3.0
 """Error of its place along that line (13 such on tuning seeds 0 to 7 of the draped domain were 0.34 px off,
 rms), and the deviations that it may differ from what the ranges say."""
+LIGHT_PX, LIGHT_M = 0.25, 0.001
+"""What all patches are off in common, either axis: shades are on the other side of every grain. On worlds
+looked at (tuning seeds 1 to 11, 354615664 to 354615675, own renderer) poses were 0.3 px off, rms, 1.2 mm at
+2 m; the scatter of the patches tells 0.05 to 0.3."""
 LEVEL_RATIO, LEVEL_TRIES = 0.92, 3000
 """Best over second-best descriptor distance of features that need agree only two by two, and how many twos
 are tried, those that are most alike in length first."""
@@ -107,7 +112,7 @@ class ReacquisitionOptions:
     least_level: int = 8
     many_features: int = 40
     drape: DrapeOptions = field(
-        default_factory=lambda: DrapeOptions(patches=140, reach_m=1.2, least_agree=18)
+        default_factory=lambda: DrapeOptions(patches=120, reach_m=3.0, least_agree=18)
     )
     margin_px: float = 8.0
     most_error_px: float = 1.0
@@ -134,8 +139,11 @@ class KnownPair:
         """
         return self._features(_halved(self.side.view))
 
-    def _features(self, view: StereoView) -> Features:
-        return find_features(view, count=self.options.features, ratio=self.options.ratio, row_px=ROW_PX)
+    def _features(self, view: StereoView, in_left: tuple[Array, Descriptors] | None = None) -> Features:
+        options = self.options
+        return find_features(
+            view, count=options.features, ratio=options.ratio, row_px=ROW_PX, in_left=in_left
+        )
 
     def prepare(self) -> None:
         """Work out what the next call of `reacquire` may need."""
@@ -147,16 +155,17 @@ class KnownPair:
         """
         if self._posed is None or self._posed[0] is not view:
             small = _halved(view)
-            found = self._agreed(small, self.features)
+            in_left = detect(small.left, self.options.features)
+            found = self._agreed(small, in_left)
             if isinstance(found, str):
-                level = self._level(small, self.features)
+                level = self._level(small, in_left)
                 found = f"{found}; {level}" if isinstance(level, str) else level
             self._posed = view, found
         return self._posed[1]
 
-    def _level(self, view: StereoView, old: Features) -> Motion | str:
+    def _level(self, view: StereoView, in_left: tuple[Array, Descriptors]) -> Motion | str:
         """Return the motion that keeps what is upright so, as most features agree that both pairs range."""
-        options, new = self.options, self._features(view)
+        options, old, new = self.options, self.features, self._features(view, in_left)
         pairs = mutual(old.descriptors, new.descriptors, LEVEL_RATIO)
         one, two = pairs[:, 0], pairs[:, 1]
         guess = level_motion(old.points[one], new.points[two], new.left_px[two], view.left_camera, options)
@@ -177,9 +186,9 @@ class KnownPair:
             return f"{agree} features agree on an upright pose; {options.least_level} are needed"
         return _implausible(settled[0], view, options) or settled[0]
 
-    def _agreed(self, view: StereoView, old: Features) -> Motion | str:
-        options = self.options
-        pixels, descriptors = detect(view.left, options.features)
+    def _agreed(self, view: StereoView, in_left: tuple[Array, Descriptors]) -> Motion | str:
+        options, old = self.options, self.features
+        pixels, descriptors = in_left
         if min(len(pixels), len(old)) < options.least_features:
             return f"{len(old)} and {len(pixels)} features are too few; {options.least_features} are needed"
         pairs = mutual(old.descriptors, descriptors, options.ratio)
@@ -329,13 +338,18 @@ def searched(known: KnownPair, point: Array) -> Generator[Array, StereoView | No
         if isinstance(rough, str):
             why = rough
             continue
-        there = np.asarray(rough.new_from_old.apply(point), dtype=np.float64)
+        there, found = np.asarray(rough.new_from_old.apply(point), dtype=np.float64), None
         if _shown(view, there, known.options.margin_px):
-            return found_in(known, point, view, rough)
+            found = found_in(known, point, view, rough)
+            if found.accepted:
+                return found
+        # at an edge little is seen round it
         again = yield there
-        if again is None:
-            return _refused("the place where it must be cannot be looked at", rough.inliers)
-        return found_in(known, point, again, rough)
+        if again is not None and again is not view:
+            return found_in(known, point, again, rough)
+        if found is not None:
+            return found
+        return _refused("the place where it must be cannot be looked at", rough.inliers)
     return _refused(why)
 
 
@@ -419,7 +433,7 @@ def _placed(
     options, pair, camera = known.options, known.side.view, view.left_camera
     pixel = np.asarray(pair.left_camera.project(point))
     eye, ray = pair.left_camera.back_project(pixel)
-    first = _fine(pair, pixel, float(np.linalg.norm(point - eye)))
+    first = range_spot(pair, pixel, [float(np.linalg.norm(point - eye)), *_about(known, point)], SPOT_OFF_PX)
     if first is None:
         return "the pair in which it is known does not range it"
     near_m = float(np.linalg.norm(first.point - eye))
@@ -427,13 +441,13 @@ def _placed(
     seen = np.asarray(camera.project(there))
     if not (np.isfinite(seen).all() and view.shows(seen, options.margin_px)):
         return "it is outside the picture"
-    if _covered(view, seen, there):
-        return "stereo does not range the surface there"
     standing = pair.left_camera.transformed(motion.new_from_old)
-    second = _fine(view, seen, float(np.linalg.norm(there - camera.C)))
-    met = None if second is None else on_plane(standing, pixel, second)
+    second = _seen(view, seen, there)
+    if second is None:
+        return "stereo does not range the surface there"
+    met = on_plane(standing, pixel, second)
     far_m, old, new = near_m, _along(pair, first), math.inf
-    if second is not None and met is not None:
+    if met is not None:
         far_m, new = float(np.linalg.norm(met - standing.C)), _along(view, second)
     if abs(far_m - near_m) > options.sigmas * math.hypot(old, new) + options.share * near_m:
         return f"what is seen there is {100 * (far_m - near_m):+.0f} cm farther than it should be"
@@ -442,11 +456,25 @@ def _placed(
     range_m, along = _by_own_patch(pair, first, view, motion, range_m, along)
     own = eye + range_m * ray
     position, covariance = motion.at(own, along**2 * np.outer(ray, ray))
+    light_m = math.hypot(LIGHT_M, LIGHT_PX * float(np.linalg.norm(position - camera.C)) / camera.hs)
+    covariance = covariance + light_m**2 * np.eye(3)
     jacobian = camera.jacobian(position)
     error_px = math.sqrt(0.5 * float(np.trace(jacobian @ covariance @ jacobian.T)))
     if error_px > options.most_error_px:
         return f"the error may be {error_px:.1f} px; {options.most_error_px} is the limit"
     return np.asarray(camera.project(position)), position, covariance, error_px
+
+
+def _about(known: KnownPair, point: Array) -> list[float]:
+    """Return the least, the middle and the largest range, m, that the dense cloud has round the pixel of a
+    point (3,), as many as there are.
+    """
+    cloud = known.side.cloud
+    if cloud is None:
+        return []
+    near = np.abs(cloud.pixels - cloud.camera.project(point)).max(axis=1) <= ABOUT_PX
+    ranges = np.linalg.norm(cloud.points[near] - cloud.camera.C, axis=1)
+    return [] if not len(ranges) else [float(v) for v in np.percentile(ranges, (0, 50, 100))]
 
 
 def _by_own_patch(
@@ -481,10 +509,11 @@ def _by_own_patch(
     return range_m + share * gap_m, sigma_m * math.sqrt(1.0 - share)
 
 
-def _covered(view: StereoView, pixel: Array, point: Array) -> bool:
-    """Return whether a pair has another range at a pixel (2,) than that of a point (3,).
+def _seen(view: StereoView, pixel: Array, point: Array) -> PointMatch | None:
+    """Return the surface that a pair has at a pixel (2,) where a point (3,) should be; None where it has
+    another one, or none that can be told.
 
-    A wide window looks for it from far and near: the narrow one finds the best of the few that it asks.
+    A wide window looks for it from far and near, and what it finds is asked besides what is expected.
     """
     camera, away = view.left_camera, float(np.linalg.norm(point - view.left_camera.C))
     wide = point_stereo(
@@ -496,34 +525,17 @@ def _covered(view: StereoView, pixel: Array, point: Array) -> bool:
         expected_range_m=away,
         range_spread=WIDE_SPREAD,
     )
-    if wide is None or wide.score < LEAST_SCORE:
-        return True
-    baseline = float(np.linalg.norm(view.right_camera.C - camera.C))
-    limit_m = WIDE_PX * away**2 / (camera.hs * baseline)
-    return abs(float(np.linalg.norm(wide.point - camera.C)) - away) > limit_m
-
-
-def _fine(view: StereoView, pixel: Array, expected_m: float) -> PointMatch | None:
-    """Return the surface under a pixel (2,) of the left image by a narrow window."""
-    camera = view.left_camera
-    baseline = float(np.linalg.norm(view.right_camera.C - camera.C))
-    return point_stereo(
-        view.left,
-        view.right,
-        view.left_camera,
-        view.right_camera,
-        pixel,
-        options=FINE,
-        expected_range_m=expected_m,
-        range_spread=FINE_OFF_PX * expected_m / (camera.hs * baseline),
-    )
+    clear = wide is not None and wide.score >= LEAST_SCORE
+    beside = [float(np.linalg.norm(wide.point - camera.C))] if wide is not None and clear else []
+    found = range_spot(view, pixel, [away, *beside], SPOT_OFF_PX)
+    if found is None or not (clear or found.score >= SPOT_SCORE):
+        return None
+    px_m = camera.hs * float(np.linalg.norm(view.right_camera.C - camera.C))
+    off_px = abs(px_m / float(np.linalg.norm(found.point - camera.C)) - px_m / away)
+    return found if off_px <= SPOT_OFF_PX else None
 
 
 def _along(view: StereoView, match: PointMatch) -> float:
-    """Return what the range of a match errs, metres: by its disparity, and by what its parts disagree."""
-    camera: CameraModel = view.left_camera
-    ray = match.point - camera.C
-    away = float(np.linalg.norm(ray))
-    baseline = float(np.linalg.norm(view.right_camera.C - camera.C))
-    parts2_m2 = float(ray @ match.surface_covariance @ ray) / away**2
-    return math.sqrt((DISPARITY_PX * away**2 / (camera.hs * baseline)) ** 2 + parts2_m2)
+    """Return what the range of a match errs, metres."""
+    ray = match.point - view.left_camera.C
+    return math.sqrt(float(ray @ match.surface_covariance @ ray) / float(ray @ ray))

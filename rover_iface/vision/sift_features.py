@@ -59,9 +59,21 @@ def none() -> Features:
     return Features(np.empty((0, 3)), np.empty((0, 3, 3)), empty, empty, np.empty((0, 128), np.float32))
 
 
-def find_features(view: StereoView, *, count: int, ratio: float, row_px: float) -> Features:
-    """Return the features of a pair that both images show, at most `count` an image, strongest first."""
-    left, right = side_by_side(lambda image: detect(image, count), (view.left, view.right))
+def find_features(
+    view: StereoView,
+    *,
+    count: int,
+    ratio: float,
+    row_px: float,
+    in_left: tuple[Array, Descriptors] | None = None,
+) -> Features:
+    """Return the features of a pair that both images show, at most `count` an image, strongest first.
+
+    `in_left` are those of the left image, pixels (n, 2) and descriptors (n, 128), if they are known already.
+    """
+    images = (view.left, view.right) if in_left is None else (view.right,)
+    found = side_by_side(lambda image: detect(image, count), images)
+    left, right = found if in_left is None else (in_left, *found)
     if len(left[0]) < 2 or len(right[0]) < 2:
         return none()
     gate = _near_epipolar(view.left_camera, view.right_camera, left[0], right[0], row_px)
