@@ -9,9 +9,11 @@ common to both images (`from_features`), from registration of surfaces or from d
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from rover_iface.cameras.model import Array, CameraModel
 from rover_iface.cameras.stereo import PointMatch, PointStereo, point_stereo, triangulate
@@ -20,12 +22,14 @@ from rover_iface.vision.handoff import Side
 from rover_iface.vision.resection import resect
 from rover_iface.vision.sift_features import Descriptors, Features, mutual
 from rover_iface.vision.sift_motion import Motion
-from rover_iface.vision.template import NccOptions, Template, TemplateMatcher
+from rover_iface.vision.template import NccOptions
 from rover_iface.vision.tracker import Image, StereoView
 
 SIGMA_PX = 0.3
 """Error of the place of a patch in the pair's left image."""
 TEMPLATE_PX = 15
+SHAPE_SD, MOST_PX = NccOptions().shape_sd, NccOptions().most_px
+"""What the shape of a patch may be off, and how far its alignment may move it: those of the tracker."""
 RANGED = PointStereo(template_px=TEMPLATE_PX, plane_px=19, nearest_m=0.2, told=False)
 """Window by which the surface under a pixel is ranged. What its disparity may be off nobody asks: many
 patches tell the pose, and what they disagree by its error."""
@@ -148,18 +152,30 @@ def find_patches(side: Side, middle: Array, standing: CameraModel, options: Drap
     spacing = max(4.0, 0.8 * math.sqrt(float((mask > 0).sum()) / options.patches))
     smooth = cv2.GaussianBlur(scene.left, (0, 0), 1.0)
     corners = cv2.goodFeaturesToTrack(smooth, options.patches, 0.003, spacing, mask=mask)
-    places = [] if corners is None else corners.reshape(-1, 2).astype(np.float64)
+    if corners is None:
+        return []
+    places = corners.reshape(-1, 2).astype(np.float64)
     # the cloud knows the range: a short search suffices
-    held_px, ranges = pixels[:-1], np.linalg.norm(near - camera.C, axis=1)
+    ranges = np.linalg.norm(near - camera.C, axis=1)
     found = []
-    for place in places:
-        nearest = int(np.argmin(np.abs(held_px - place).sum(axis=1)))
+    for place, nearest in zip(places, nearest_pixels(pixels[:-1], places), strict=True):
         key = float(place[0]), float(place[1]), float(ranges[nearest])
         # another guess, or another picture, asks for the same corners
         if key not in side.ranged:
             side.ranged[key] = range_pixel(scene, place, key[2], 0.08)
         found.append(side.ranged[key])
     return [match for match in found if match is not None and match.score > 0.75]
+
+
+def nearest_pixels(pixels: Array, places: Array) -> npt.NDArray[np.int64]:
+    """Return which of the pixels [n, 2] is nearest to each place [m, 2], by the sum of both distances; the
+    first where several are.
+    """
+    from rover_iface.vision import drape_kernels
+
+    out = np.empty(len(places), np.int64)
+    drape_kernels.nearest_pixels(pixels, places, out)
+    return out
 
 
 def find_draped(
@@ -177,25 +193,47 @@ def find_draped(
     `image` [rows, columns] is the other `camera`'s. It is draped over the plane of `patch`, in the frame of
     the pair. None where either sees the plane too flat or its image does not hold the template.
     """
-    for eye in (camera.C, scene.left_camera.C):
-        toward = eye - patch.point
-        if patch.normal @ toward <= 0.2 * np.linalg.norm(toward):
-            return None
-    away = float(np.linalg.norm(patch.point - camera.C))
-    source = Template(image, camera, source_px, patch.point, patch.normal, away)
-    matcher = TemplateMatcher(
-        NccOptions(
-            search_px=search_px, template_px=TEMPLATE_PX, context_px=context_px, coarse=False, told=False
-        )
+    pixels, scores = find_many(image, camera, source_px[None], scene, [patch], search_px, context_px)
+    return (pixels[0], float(scores[0])) if scores[0] > -1.5 else None
+
+
+def find_many(
+    image: Image,
+    camera: CameraModel,
+    source_px: Array,
+    scene: StereoView,
+    patches: Sequence[PointMatch],
+    search_px: int,
+    context_px: int,
+) -> tuple[Array, Array]:
+    """Return what `find_draped` does of n patches: pixels [n, 2], and correlations [n], -2 where it has none.
+
+    `source_px` is [n, 2].
+    """
+    from rover_iface.vision import drape_kernels
+
+    seen = scene.left_camera
+    pixels, scores = np.full((len(patches), 2), np.nan), np.full(len(patches), -2.0)
+    drape_kernels.find_patches_of(
+        image,
+        camera.packed,
+        np.asarray(camera.C, dtype=np.float64),
+        scene.left,
+        seen.packed,
+        np.asarray(seen.C, dtype=np.float64),
+        seen.hs / camera.hs,
+        np.ascontiguousarray(source_px, dtype=np.float64),
+        np.array([patch.point for patch in patches], dtype=np.float64).reshape(-1, 3),
+        np.array([patch.normal for patch in patches], dtype=np.float64).reshape(-1, 3),
+        TEMPLATE_PX // 2,
+        context_px // 2,
+        search_px,
+        SHAPE_SD,
+        MOST_PX,
+        pixels,
+        scores,
     )
-    expected = np.asarray(scene.left_camera.project(patch.point))
-    template = matcher.predict(source, scene.left_camera, expected, patch.point)
-    if template is None:
-        return None
-    found = matcher.search(scene.left, template, expected)
-    if found is None or np.abs(found.pixel - expected).max() > search_px + 1.0:
-        return None
-    return found.pixel, found.score
+    return pixels, scores
 
 
 def on_plane(camera: CameraModel, pixel: Array, patch: PointMatch) -> Array | None:
@@ -252,19 +290,17 @@ def _pass(
 ) -> Draped | None:
     """Return what the patches agree on that are found within a reach of where a guess has them."""
     standing = camera.transformed(guess)
+    expected = standing.project(np.array([patch.point for patch in patches]).reshape(-1, 3))
+    held = np.flatnonzero(np.isfinite(expected).all(axis=1))
+    shown = [patches[n] for n in held]
+    pixels, scores = find_many(image, standing, expected[held], scene, shown, search_px, options.context_px)
     matches, sources, places, points = [], [], [], []
-    for patch in patches:
-        source_px = np.asarray(standing.project(patch.point))
-        if not np.isfinite(source_px).all():
-            continue
-        found = find_draped(image, standing, source_px, scene, patch, search_px, options.context_px)
-        if found is None or found[1] < options.least_score:
-            continue
-        point = on_plane(scene.left_camera, found[0], patch)
+    for k in np.flatnonzero(scores >= options.least_score):
+        point = on_plane(scene.left_camera, pixels[k], shown[k])
         if point is not None:
-            matches.append(patch)
-            sources.append(source_px)
-            places.append(found[0])
+            matches.append(shown[k])
+            sources.append(expected[held[k]])
+            places.append(pixels[k])
             points.append(point)
     if len(points) < 4:
         return None

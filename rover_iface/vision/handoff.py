@@ -31,7 +31,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rover_iface.cameras.model import Array, CameraModel
-from rover_iface.cameras.stereo import Cloud, PointMatch, dense_stereo, point_stereo
+from rover_iface.cameras.stereo import Cloud, PointMatch, PointStereo, dense_stereo, point_stereo
 from rover_iface.errors import CameraError, TrackerError
 from rover_iface.frames import Transform
 from rover_iface.vision.relief import ReliefOptions, align_relief
@@ -41,6 +41,8 @@ from rover_iface.vision.surface import ShapeOptions, Surface, surface_from_cloud
 from rover_iface.vision.tracker import Image, StereoView
 
 STEP = 2
+UNTOLD = PointStereo(told=False)
+"""The trackers' window; what its disparities may be off nobody asks a side."""
 TEMPLATE_PX = 21
 SEARCH_PX = 61
 SPREAD_PX = 2
@@ -138,6 +140,7 @@ class Side:
             v.left_camera,
             v.right_camera,
             pixel,
+            options=UNTOLD,
             expected_range_m=expected_m,
             range_spread=spread,
         )

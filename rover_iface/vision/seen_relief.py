@@ -70,18 +70,13 @@ class SeenRelief:
         cloud = self.cloud
         if cloud is None or not len(cloud.points):
             return None
-        points = cloud.points + moved
+        from rover_iface.vision import drape_kernels
+
         middle = camera.project(point)
-        pixels = camera.project(points) - middle
-        cells = np.full(pixels.shape, -1, np.int64)
-        known = np.isfinite(pixels).all(axis=1)
-        cells[known] = np.round(pixels[known]).astype(np.int64) + half
-        inside = ((cells >= 0) & (cells <= 2 * half)).all(axis=1)
-        cells, away = cells[inside], np.linalg.norm(points[inside] - camera.C, axis=1)
-        # the nearest is written last: it hides what lies behind
-        order = np.argsort(-away, kind="stable")
         ranges = np.full((2 * half + 1, 2 * half + 1), np.nan, np.float32)
-        ranges[cells[order, 1], cells[order, 0]] = away[order]
+        if np.isfinite(middle).all():
+            eye, shift = (np.asarray(v, dtype=np.float64) for v in (camera.C, moved))
+            drape_kernels.nearest_ranges(cloud.points, shift, camera.packed, eye, middle, half, ranges)
         empty = np.isnan(ranges)
         part = cv2.blur((~empty).astype(np.float32), (3, 3))
         mean = cv2.blur(np.where(empty, np.float32(0.0), ranges), (3, 3)) / np.maximum(part, np.float32(1e-6))

@@ -58,12 +58,24 @@ def lay(side: Side, scene: Side, pixel: Array, options: DrapeOptions) -> Draped 
             middle = np.asarray(guess.apply(match.point))
         else:
             continue
+        if best is not None and _leads_to(best, guess, view.left_camera, options.search_px[-1]):
+            continue
         found = drape(view.left, view.left_camera, scene, middle, guess, options)
         if found is not None and (best is None or found.motion.inliers > best.motion.inliers):
             best = found
         if best is not None and best.motion.inliers >= options.enough:
             break
     return best
+
+
+def _leads_to(found: Draped, guess: Transform, camera: CameraModel, search_px: float) -> bool:
+    """Return whether a guess has the patches that agree on a pose where these were found: from there, by the
+    same patches, it comes to the same pose.
+
+    `camera` is the side's, as believed; within `search_px` the last pass looks for a patch.
+    """
+    seen = camera.transformed(guess).project(found.points)
+    return bool(np.abs(seen - found.source_px).max() < search_px)
 
 
 def _guesses(side: Side, scene: Side, match: PointMatch | None, options: DrapeOptions) -> Iterator[Transform]:

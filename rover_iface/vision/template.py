@@ -75,8 +75,6 @@ class NccOptions:
         How far an alignment may move.
     least_px
         What a place is never better than: bias of interpolation between pixels.
-    told
-        Whether a narrower window is aligned as well, to tell what surrounds the spot leads a match by.
     """
 
     template_px: int = 21
@@ -97,7 +95,6 @@ class NccOptions:
     shape_sd: float = 0.10
     most_px: float = 2.5
     least_px: float = 0.05
-    told: bool = True
     surroundings_px: int = 61
     surroundings_limit: float = 0.5
     identity_limit: float = 0.35
@@ -354,8 +351,6 @@ class TemplateMatcher:
         score = patch.align_shape(image, template, at, half, options.shape_sd, options.most_px, spread)
         if score < -1.0 or not np.isfinite(spread).all():
             return None
-        if not options.told:
-            return float(score), spread + options.least_px**2 * np.eye(2)
         # what surrounds the spot leads a wide window: a narrower one tells by how much
         inner, narrow = at.copy(), np.empty((2, 2))
         less = max(4, round(NARROWER * half))

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,13 +15,14 @@ from rover_iface.cameras.stereo import PointMatch
 from rover_iface.errors import TrackerError
 from rover_iface.frames import Pose, Transform
 from rover_iface.simulator.render.picture import Frame
-from rover_iface.vision import drape, handoff, handoff_cascade
-from rover_iface.vision.drape import DrapeOptions
+from rover_iface.vision import drape, handoff, handoff_cascade, shape_draped
+from rover_iface.vision.drape import TEMPLATE_PX, Draped, DrapeOptions, find_many, find_patches
 from rover_iface.vision.handoff import METHODS, Handoff, Side, hand_off, scaled_window
 from rover_iface.vision.handoff_cascade import CascadeOptions, cascade
 from rover_iface.vision.resection import resect
 from rover_iface.vision.shape_draped import lay, register_views
 from rover_iface.vision.sift_motion import small_rotation
+from rover_iface.vision.template import NccOptions, Template, TemplateMatcher
 from rover_iface.vision.tracker import StereoView
 from studies.common.mast_error import mast_error
 from tests.rover_iface.render.scenes import PIVOT, SUN, picture, rig, rock_renderer
@@ -119,6 +121,59 @@ def test_a_corner_is_ranged_once_for_all_pictures_that_are_laid_over_it(
     assert many > 30
     assert len(asked) == many
     assert (first.points == again.points).all()
+
+
+def test_patches_are_found_together_where_the_tracker_finds_each() -> None:
+    """The reference is the tracker's matcher, one patch after the other."""
+    setting, _ = given(0.3 * TILT)
+    side, scene, pixel = setting.near, setting.hazcam, setting.near_pixel
+    assert side is not None
+    match = None if pixel is None else side.point(pixel)
+    assert match is not None
+    camera, view = side.view.left_camera, scene.view
+    patches = find_patches(scene, match.point, camera, DrapeOptions(reach_m=0.8))
+    source_px = camera.project(np.array([patch.point for patch in patches]))
+    pixels, scores = find_many(side.view.left, camera, source_px, view, patches, 14, 25)
+    matcher = TemplateMatcher(NccOptions(search_px=14, template_px=TEMPLATE_PX, context_px=25, coarse=False))
+    found = 0
+    for n, patch in enumerate(patches):
+        toward = camera.C - patch.point
+        away = float(np.linalg.norm(toward))
+        source = Template(side.view.left, camera, source_px[n], patch.point, patch.normal, away)
+        expected = np.asarray(view.left_camera.project(patch.point))
+        template = matcher.predict(source, view.left_camera, expected, patch.point)
+        other = None if template is None else matcher.search(view.left, template, expected)
+        flat = min(float(patch.normal @ toward) / away, _facing(patch, view.left_camera.C)) <= 0.2
+        if flat or other is None or np.abs(other.pixel - expected).max() > 15.0:
+            assert scores[n] == -2.0
+            continue
+        assert np.abs(pixels[n] - other.pixel).max() < 1e-6
+        assert scores[n] == pytest.approx(other.score, abs=1e-6)
+        found += 1
+    assert found > 20
+
+
+def _facing(patch: PointMatch, eye: np.ndarray) -> float:
+    toward = eye - patch.point
+    return float(patch.normal @ toward) / float(np.linalg.norm(toward))
+
+
+def test_a_guess_that_leads_to_a_pose_found_already_is_not_followed(monkeypatch: pytest.MonkeyPatch) -> None:
+    setting, _ = given(0.0)
+    laid = list[Transform]()
+    drape_from = shape_draped.drape
+
+    def counted(*arguments: Any) -> Draped | None:
+        laid.append(arguments[4])
+        return drape_from(*arguments)
+
+    monkeypatch.setattr(shape_draped, "drape", counted)
+    side, pixel = setting.source("near")
+    never_enough = DrapeOptions(enough=10_000, believed_first=True)
+    found = lay(side, setting.hazcam, pixel, never_enough)
+    assert found is not None
+    # of three guesses features and registered surfaces have it at one place within a search window
+    assert len(laid) == 2
 
 
 def test_every_method_is_near_the_truth_with_a_well_known_mast() -> None:
