@@ -5,7 +5,8 @@ The mast is never quite where it is believed to be, and its pair comes out of ca
 cloud is turned about its eye, shifted and stretched along its lines of sight (that is what an error of all
 disparities does) until the first lies on its surface: iterated closest points, point to plane (Chen and
 Medioni 1992), robust, with priors for each of the seven numbers, so that flat ground, which tells only three
-of them, leaves the rest as believed.
+of them, leaves the rest as believed. A smooth rock fits itself in more than one place, and there the
+brightness of the surface decides.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from rover_iface.errors import PlacementError
 from rover_iface.frames import Transform
 from rover_iface.placement.cloud import Array, SurfaceCloud
 from rover_iface.placement.cloud_edges import away_from_edges
+from rover_iface.placement.cloud_texture import tie as texture_tie
 from rover_iface.vision.sift_motion import small_rotation
 
 Index = npt.NDArray[np.int64]
@@ -43,6 +45,10 @@ class AlignmentOptions:
         place.
     patch_px
         Side of the patch of the first cloud that shares one error, pixels.
+    tied_reaches_m, tie_m
+        Where the brightness of both tells how far the second lies beside its place (`cloud_texture`), turns
+        after that, and one deviation of it. Closest points hold to their place harder than they know it: by
+        0.7 mm it stayed 0.9 mm off in the median, by 0.3 mm 0.5 (17 rocks, 44300 to 44315 and 45000 to 45003).
     most_residual_m, least_overlap, most_sigma_m
         An alignment is believed if the robust deviation between the surfaces is at most the first, this
         share of the samples within the last reach, and the second cloud's middle known to the third.
@@ -52,6 +58,8 @@ class AlignmentOptions:
     shift_m: float = 0.002
     stretch_per_m: float = 0.01
     reaches_m: tuple[float, ...] = (*[0.12] * 4, *[0.08] * 6, *[0.06] * 5, *[0.04] * 4, *[0.02] * 3)
+    tied_reaches_m: tuple[float, ...] = (*[0.04] * 3, *[0.02] * 5)
+    tie_m: float = 0.0003
     samples: int = 4000
     posts: int = 5000
     neighbours: int = 100
@@ -116,59 +124,136 @@ def align(
     PlacementError
         If the second cloud has no eye.
     """
-    from scipy.spatial import cKDTree
-
     options = options or AlignmentOptions()
     if second.eye is None:
         raise PlacementError("the cloud that is to be aligned has no eye")
     chosen = _samples(first, second, options)
-    fixed, spread = first.points[chosen], first.covariances[chosen]
-    if len(fixed) < 50 or len(second) < 50:
+    if len(chosen) < LEAST_POINTS or len(second) < LEAST_POINTS:
         return None
-    posts, normals = _posts(second, options)
-    eye = second.eye
+    # samples of one patch share their error
+    worth = min(1.0, len(first) / options.patch_px**2 / len(chosen))
+    surfaces = _Surfaces(
+        second.eye, *_posts(second, options), first.points[chosen], first.covariances[chosen], worth
+    )
+    fit = _turns(surfaces, np.zeros(7), options.reaches_m, options)
+    if fit is None:
+        return None
+    found = texture_tie(_laid(second, fit.motion)[0], first)
+    if found is not None:
+        tied = _Tied(second.points[found.number] - second.eye, found.place - second.eye, found.along)
+        fit = _turns(surfaces, fit.motion, options.tied_reaches_m, options, tied) or fit
+    cloud, motion = _laid(second, fit.motion)
+    return Alignment(
+        cloud,
+        motion,
+        float(fit.motion[6]),
+        fit.residual_m,
+        fit.overlap,
+        _middle_sigma(second.points.mean(axis=0) - second.eye, np.asarray(np.linalg.inv(fit.information))),
+    )
+
+
+LEAST_POINTS = 50
+"""Of either cloud, and of samples that meet a surface."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Surfaces:
+    """The second eye (3,), places of its surface (n, 3) and the normals there (n, 3), samples of the first
+    cloud (k, 3), their covariances (k, 3, 3), and what each counts.
+    """
+
+    eye: Array
+    posts: Array
+    normals: Array
+    fixed: Array
+    spread: Array
+    worth: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Tied:
+    """A place (3,) of the second cloud and where it belongs (3,), both from its eye, m, and the directions
+    (2, 3) along which that is known.
+    """
+
+    way: Array
+    belongs: Array
+    along: Array
+
+    def rows(self, p: Array) -> tuple[Array, Array]:
+        """Return how the place changes with each of the seven numbers (2, 7), and what it is off (2,), m."""
+        length = float(np.linalg.norm(self.way))
+        there = (1.0 + p[6] * length) * (small_rotation(p[:3]) @ self.way) + p[3:6]
+        change = np.column_stack((np.cross(there, self.along), self.along, length * (self.along @ there)))
+        return change, np.asarray(self.along @ (self.belongs - there))
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """Turn, shift and stretch (7,), their information (7, 7), and how well the surfaces meet."""
+
+    motion: Array
+    information: Array
+    residual_m: float
+    overlap: float
+
+
+def _turns(
+    surfaces: _Surfaces,
+    start: Array,
+    reaches_m: tuple[float, ...],
+    options: AlignmentOptions,
+    tied: _Tied | None = None,
+) -> _Fit | None:
+    """Return what closest points make of the motion from `start` (7,), None where too few meet."""
+    from scipy.spatial import cKDTree
+
+    eye, posts, fixed = surfaces.eye, surfaces.posts, surfaces.fixed
     prior = 1.0 / np.array(
         3 * [options.turn_rad] + 3 * [options.shift_m] + [options.stretch_per_m], dtype=np.float64
     )
-    p = np.zeros(7)
+    p = start
     information: Array = np.diag(prior**2)
     residual, overlap = math.inf, 0.0
-    # samples of one patch share their error
-    worth = min(1.0, len(first) / options.patch_px**2 / len(fixed))
-    for reach in options.reaches_m:
+    for reach in reaches_m:
         turn = small_rotation(p[:3])
         laid = (
             (posts - eye) * (1.0 + p[6] * np.linalg.norm(posts - eye, axis=1))[:, None] @ turn.T
             + eye
             + p[3:6]
         )
-        facing = normals @ turn.T
+        facing = surfaces.normals @ turn.T
         far, near = cKDTree(laid).query(fixed)
         off = ((fixed - laid[near]) * facing[near]).sum(axis=1)
         use = (far < reach + 0.01) & (np.abs(off) < reach)
         overlap = float(use.mean())
-        if use.sum() < 50:
+        if use.sum() < LEAST_POINTS:
             return None
         n, q, r = facing[near[use]], laid[near[use]] - eye, off[use]
         residual = max(1.4826 * float(np.median(np.abs(r - np.median(r)))), 1e-4)
         # the first cloud errs along its own lines of sight
-        expected = np.einsum("ni,nij,nj->n", n, spread[use], n) + 1e-6
+        expected = np.einsum("ni,nij,nj->n", n, surfaces.spread[use], n) + 1e-6
         share = 1.4826**2 * float(np.median(r**2 / expected))
-        weight = worth / (share * expected + (r / 2.0) ** 2)
+        weight = surfaces.worth / (share * expected + (r / 2.0) ** 2)
         along = (q * n).sum(axis=1) * np.linalg.norm(q, axis=1)
         jacobian = np.column_stack((np.cross(q, n), n, along))
         information = np.asarray(jacobian.T @ (weight[:, None] * jacobian) + np.diag(prior**2))
-        step = np.linalg.solve(information, jacobian.T @ (weight * r) - prior**2 * p)
-        p = p + step
-    motion = Transform(small_rotation(p[:3]), eye + p[3:6] - small_rotation(p[:3]) @ eye)
-    return Alignment(
-        _stretched(second, float(p[6])).moved(motion, up=second.up),
-        motion,
-        float(p[6]),
-        residual,
-        overlap,
-        _middle_sigma(second.points.mean(axis=0) - eye, np.asarray(np.linalg.inv(information))),
-    )
+        gain = jacobian.T @ (weight * r) - prior**2 * p
+        if tied is not None:
+            change, away = tied.rows(p)
+            information = information + change.T @ change / options.tie_m**2
+            gain = gain + change.T @ away / options.tie_m**2
+        p = p + np.linalg.solve(information, gain)
+    return _Fit(p, information, residual, overlap)
+
+
+def _laid(second: SurfaceCloud, p: Array) -> tuple[SurfaceCloud, Transform]:
+    """Return the second cloud stretched and moved by seven numbers (7,), and that motion."""
+    assert second.eye is not None
+    turn = small_rotation(p[:3])
+    motion = Transform(turn, second.eye + p[3:6] - turn @ second.eye)
+    return _stretched(second, float(p[6])).moved(motion, up=second.up), motion
 
 
 def _samples(first: SurfaceCloud, second: SurfaceCloud, options: AlignmentOptions) -> Index:
