@@ -22,7 +22,6 @@ from rover_iface.vision.correlation.judging import ASTRAY, Followed
 from rover_iface.vision.seen_relief import SeenRelief
 from rover_iface.vision.shape import register
 from rover_iface.vision.surface import ShapeOptions, surface_from_cloud
-from rover_iface.vision.tracker import StereoView
 
 LOST, BELIEVED_M = 0.49, 0.05
 """Most confidence in a lost target, and how near to where it is believed it should lie, across the line of
@@ -40,15 +39,15 @@ INWARD_M = 0.05
 to another one. Two that were believed after an unknown turn (tuning seed 0) were 10 cm off, from there."""
 
 
-def surface_agrees(track: Followed, view: StereoView, covariance: Array) -> bool:
+def surface_agrees(track: Followed, relief: SeenRelief, covariance: Array) -> bool:
     """Return whether the surface round a lost target is seen where it should be.
 
-    `covariance` (3, 3), m^2, is what the place where it is believed may be off.
+    `relief` is what the new pair ranges there, `covariance` (3, 3), m^2, what the place where it is believed
+    may be off.
     """
     last, believed = track.last, track.believed
-    away = float(np.linalg.norm(believed - view.left_camera.C))
     model = None if last.relief is None else last.relief.cloud
-    scene = SeenRelief(view, away).cloud
+    scene = relief.cloud
     if model is None or scene is None:
         return False
     before, now = (surface_from_cloud(cloud, STEP_PX) for cloud in (model, scene))

@@ -91,6 +91,7 @@ class NccTracker:
         self.watch = CoverageWatch()
         self._targets: dict[str, Followed] = {}
         self._pairs: list[KnownPair] = []
+        self._reliefs: list[SeenRelief] = []
 
     @property
     def targets(self) -> tuple[str, ...]:
@@ -148,7 +149,7 @@ class NccTracker:
             match.normal,
             distance,
             depth_m2=depth_m2(match) + self._bulge_m2(view, distance),
-            relief=SeenRelief(view, distance),
+            relief=self._relief(view, distance),
         )
         judged = Judgement(margins=[(match.score - self.options.stereo_limit) / 0.3])
         update = TrackUpdate(
@@ -271,9 +272,11 @@ class NccTracker:
         if unbroken:
             track.alike = 1.0
         elif track.misses <= self.options.lost_updates:
-            ranged = (self.judge.range_error(view, float(np.linalg.norm(ray))) / 3.0) ** 2
+            away = float(np.linalg.norm(ray))
+            ranged = (self.judge.range_error(view, away) / 3.0) ** 2
+            relief = self._relief(view, away)
             along = np.outer(ray, ray) / float(ray @ ray)
-            track.alike = 1.0 if surface_agrees(track, view, covariance + ranged * along) else LEAST_ALIKE
+            track.alike = 1.0 if surface_agrees(track, relief, covariance + ranged * along) else LEAST_ALIKE
         track.update = replace(
             track.update,
             state=TrackState.FAILED if track.misses > self.options.lost_updates else TrackState.LOST,
@@ -348,6 +351,16 @@ class NccTracker:
             self._pairs = [known, *self._pairs[:3]]
         return known
 
+    def _relief(self, view: StereoView, range_m: float) -> SeenRelief:
+        """Return what the pair of a view ranges for a target at a range, m; one stop asks for it up to four
+        times.
+        """
+        known = next((one for one in self._reliefs if one.view is view and one.range_m == range_m), None)
+        if known is None:
+            known = SeenRelief(view, range_m)
+            self._reliefs = [known, *self._reliefs[:3]]
+        return known
+
     def _try(
         self, target: str, track: Followed, view: StereoView, *, by_ranges: bool
     ) -> TrackUpdate | Judgement:
@@ -404,7 +417,7 @@ class NccTracker:
         spread_m2 = depth_m2(match)
         first_m2 = spread_m2 + self._bulge_m2(view, track.first.range_m)
         ranged_m2 = spread_m2 + self._bulge_m2(view, away)
-        relief = SeenRelief(view, away)
+        relief = self._relief(view, away)
         now = Template(
             view.left, camera, at, match.point, match.normal, away, *drift, first_m2, ranged_m2, relief
         )
@@ -465,7 +478,7 @@ class NccTracker:
         )
         if math.isfinite(options.back_check_px):
             eye, ray = camera.back_project(at)
-            place, relief = eye + distance * ray, SeenRelief(view, distance) if by_ranges else None
+            place, relief = eye + distance * ray, self._relief(view, distance) if by_ranges else None
             now = Template(view.left, camera, at, place, last.normal, distance, relief=relief)
             back = scores["back_px"] = self.matcher.back_error(now, last)
             judged.limit(
@@ -502,7 +515,7 @@ class NccTracker:
         normal = self._blend_normal(track, match, measured)
         found_again, track.misses, track.carried = track.misses > 0, 0, None
         track.travelled_m = view.travelled_m
-        relief = SeenRelief(view, measured)
+        relief = self._relief(view, measured)
         deep_m2 = depth_m2(match) + self._bulge_m2(view, measured)
         track.last = Template(
             view.left, camera, at, match.point, normal, measured, *drift, deep_m2, deep_m2, relief

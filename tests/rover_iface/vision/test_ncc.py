@@ -14,10 +14,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rover_iface.cameras.model import pinhole
+from rover_iface.cameras.stereo import Cloud
 from rover_iface.errors import TrackerError
 from rover_iface.frames import Pose, Transform
 from rover_iface.simulator.render.picture import Frame
 from rover_iface.simulator.render.renderer import Sun
+from rover_iface.vision import seen_relief
 from rover_iface.vision.correlation.ncc import NccTracker
 from rover_iface.vision.template import NccOptions, TemplateMatcher, template_roll, template_scale
 from rover_iface.vision.tracker import StereoView, Tracker, TrackState, TrackUpdate
@@ -389,3 +391,26 @@ def test_a_twin_far_from_the_prediction_is_refused_where_the_expected_place_look
         return
     assert update.state is TrackState.LOST, update.scores
     assert any("where it is expected" in reason for reason in update.reasons)
+
+
+def test_what_a_pair_ranges_for_a_target_is_worked_out_once_a_stop(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = list[tuple[int, float]]()
+    dense = seen_relief.dense_stereo
+
+    def counted(left: np.ndarray, *arguments: Any, nearest_m: float, **options: Any) -> Cloud:
+        asked.append((id(left), nearest_m))
+        return dense(left, *arguments, nearest_m=nearest_m, **options)
+
+    monkeypatch.setattr(seen_relief, "dense_stereo", counted)
+    tracker = NccTracker()
+    first, _ = view(-8.0)
+    begun = tracker.start("T1", None, first, pixel=target_pixel()[0])
+    tracker.expect("T1", begun.position, 1e-4 * np.eye(3))
+    second, _ = view(-7.2, travelled_m=0.8)
+    # another stone stands at the target's place
+    shown = second.left.copy()
+    shown[50:111, 50:111] = shown[50:111, 50:111][::-1, ::-1]
+    assert tracker.update("T1", replace(second, left=shown)).state is TrackState.LOST
+    assert tracker.update("T1", second).state is TrackState.TRACKED
+    assert len(asked) >= 2
+    assert len(set(asked)) == len(asked)
