@@ -108,9 +108,14 @@ def _surface(name: str, **values: float) -> Surface:
     """Return a surface with the blotches of the sandy look, a slope between its and the default's, and rocks
     smoother than others'.
     """
-    return Surface(
-        name, soil_slope=0.13, soil_mottle=0.4, gravel_mottle=0.8, stone_slope=0.04, mottle=0.05, **values
-    )
+    usual = {
+        "soil_slope": 0.13,
+        "soil_mottle": 0.4,
+        "gravel_mottle": 0.8,
+        "stone_slope": 0.04,
+        "mottle": 0.05,
+    }
+    return Surface(name, **(usual | values))
 
 
 GEOLOGIES: Mapping[str, Geology] = MappingProxyType(
@@ -145,7 +150,7 @@ GEOLOGIES: Mapping[str, Geology] = MappingProxyType(
                     stone_power=5.0,
                     gravel=0.55,
                     sand=0.4,
-                    grain=0.12,
+                    grain=0.3,
                     ripples=0.04,
                 ),
             ),
@@ -163,7 +168,8 @@ GEOLOGIES: Mapping[str, Geology] = MappingProxyType(
                     stone_power=1.8,
                     gravel=0.6,
                     sand=0.3,
-                    grain=0.12,
+                    grain=0.05,
+                    soil_slope=0.28,
                     ripples=0.0,
                 ),
             ),
@@ -179,7 +185,9 @@ GEOLOGIES: Mapping[str, Geology] = MappingProxyType(
                     stone_power=5.0,
                     gravel=0.55,
                     sand=0.5,
-                    grain=0.12,
+                    grain=0.3,
+                    soil_slope=0.08,
+                    soil_mottle=0.2,
                     ripples=0.05,
                 ),
             ),

@@ -19,6 +19,7 @@ from rover_iface.cameras.labels import ImageProduct, read_product
 from rover_iface.cameras.model import CameraModel, pinhole
 from rover_iface.frames import Transform, rotation_from_quaternion
 from rover_iface.simulator.render.renderer import Sun
+from studies.common.product_chain import Product, product_of
 
 Grey = npt.NDArray[np.float32]
 Mask = npt.NDArray[np.bool_]
@@ -316,6 +317,8 @@ class View:
         In the camera's frame; None where it is not known (its elevation is then the guess's).
     linear
         Whether grey is proportional to light; else it is coded by a square root or as for print.
+    product
+        How it became what is stored, as far as its label tells.
     """
 
     frame: RealFrame
@@ -324,6 +327,7 @@ class View:
     camera: CameraModel
     sun: Sun | None
     linear: bool
+    product: Product
 
 
 def ground_mask(shape: tuple[int, int], ground: tuple[Polygon, ...]) -> Mask:
@@ -354,7 +358,8 @@ def load_view(frame: RealFrame, folder: Path = IMAGERY) -> View:
         if product.image is None:
             raise FileNotFoundError(f"{frame.name}: {frame.path} is a label without a picture")
         grey = np.asarray(product.image, dtype=np.float32)
-        grey = grey.mean(axis=-1) if grey.ndim == 3 else grey
+        coloured = grey.ndim == 3
+        grey = grey.mean(axis=-1) if coloured else grey
         camera = _above_ground(product, frame)
         return View(
             frame,
@@ -362,7 +367,8 @@ def load_view(frame: RealFrame, folder: Path = IMAGERY) -> View:
             ground_mask((grey.shape[0], grey.shape[1]), frame.ground),
             camera,
             _label_sun(product),
-            frame.mission != "Perseverance",
+            not coloured,
+            Product(flat=False, mosaic=True) if coloured else product_of(product.label),
         )
     grey = np.asarray(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE), dtype=np.float32)
     if frame.shrink > 1:
@@ -376,7 +382,9 @@ def load_view(frame: RealFrame, folder: Path = IMAGERY) -> View:
         center=(0.0, 0.0, guess.height_m),
         forward=(math.cos(guess.tilt_rad), 0.0, -math.sin(guess.tilt_rad)),
     )
-    return View(frame, grey, ground_mask((grey.shape[0], grey.shape[1]), frame.ground), camera, None, False)
+    return View(
+        frame, grey, ground_mask((grey.shape[0], grey.shape[1]), frame.ground), camera, None, False, Product()
+    )
 
 
 def _above_ground(product: ImageProduct, frame: RealFrame) -> CameraModel:

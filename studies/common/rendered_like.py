@@ -16,6 +16,7 @@ from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.simulator.render.scene import Scene
 from rover_iface.terrain.generate import generate_terrain
 from rover_iface.terrain.geology import GEOLOGIES
+from studies.common.product_chain import FULL_SCALE, jpeg_coded
 from studies.common.real_frames import View
 
 Grey = npt.NDArray[np.float32]
@@ -54,8 +55,8 @@ def rendered_like(view: View, seed: int, looks: Mapping[str, Look | None]) -> di
 
     A look of None is the ground of the geology after the frame's mission, in that geology's own look; the
     others are looks at the ground without one. The terrain, its share of rock, the rover's heading and what
-    is not known of the sun follow from `seed`. Grey is coded as the real frame's is: linear, or by a square
-    root in 8 bits.
+    is not known of the sun follow from `seed`. The picture becomes a product as the real frame did; grey is
+    linear, or coded by a square root in 8 bits (and as JPEG where there were colours).
     """
     rng = np.random.default_rng([seed, 0x91C7])
     cover = float(rng.uniform(*ROCK_COVERS))
@@ -76,11 +77,20 @@ def rendered_like(view: View, seed: int, looks: Mapping[str, Look | None]) -> di
             # as the simulated rovers see it, with the far ground left out
             scenes[kind] = scene_from_terrain(terrain, radius_m=12.0, far_m=40.0, seed=seed), place
         scene, place = scenes[kind]
-        frame = Renderer(scene, look=look).render(view.camera, place, site_sun, seed=seed)
-        image = frame.image if view.linear else frame.image8
-        seen = (frame.truth.object_index >= 0) & (frame.truth.range_m < FAR_M)
-        found[name] = Rendered(image.astype(np.float32), view.ground & seen, seed)
+        camera = view.product.camera(view.camera)
+        negative = Renderer(scene, look=look).gather(camera, place, site_sun)
+        image = view.product.develop(negative, view.camera, seed)
+        seen = (negative.truth.object_index >= 0) & (negative.truth.range_m < FAR_M)
+        found[name] = Rendered(
+            image if view.linear else _coded(image, view), view.ground & view.product.mask(seen), seed
+        )
     return found
+
+
+def _coded(linear: Grey, view: View) -> Grey:
+    """Return light of 12 bits (rows, columns) in 8 by a square root, as MER's tables do."""
+    grey = np.round(255.0 * np.sqrt(np.clip(linear / FULL_SCALE, 0.0, 1.0))).astype(np.uint8)
+    return (jpeg_coded(grey) if view.product.mosaic else grey).astype(np.float32)
 
 
 def _drawn_sun(view: View, azimuth_rad: float) -> Sun:
