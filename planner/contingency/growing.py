@@ -17,7 +17,6 @@ import numpy as np
 from planner.contingency.option_fitting import OptionFitter
 from planner.contingency.settling import Settler
 from planner.contingency.valued_plan import ValuedPlan
-from planner.evaluate.propagate import run_in
 from planner.plan_edits import put_option, without_step
 from planner.plan_tree import Navigate, Option, Path, Plan, TrackStop, walk
 
@@ -144,20 +143,16 @@ class Grower:
         return chosen if promising in chosen else [*chosen[: count - 1], promising]
 
     def promise(self, plan: ValuedPlan) -> float:
-        """Return what the optimal policy earns after the first drive of a plan."""
-        drive = next((s for s in plan.plan if isinstance(s, Navigate)), None)
-        begin = run_in(self.fitter.model, plan.program, plan.program.entry)
-        index = self.fitter.policy.index_of(begin.state)
-        place = self.fitter.model.place_of[drive.to] if drive is not None else 0
-        if (
-            drive is None
-            or index is None
-            or begin.over
-            or not self.fitter.model.has_leg[begin.state.place, place]
-        ):
+        """Return what a plan would earn if its branches won all that the optimal policy does from halfway on.
+
+        That is its value and the regret halfway along its drives: what its beginning has lost by then is not
+        won back.
+        """
+        drives = [k for k, step in enumerate(plan.plan) if isinstance(step, Navigate)]
+        if not drives:
             return plan.value
-        value = self.fitter.policy.drive_value(begin.state.place, index, place)
-        return float(self.fitter.policy.grid.at(value, begin.t_s, begin.g_j))
+        row = plan.program.step_row[drives[len(drives) // 2],]
+        return plan.value + self.fitter.regret(plan, row, plan.flow.get(row, {}))
 
     def keeping(self, plan: ValuedPlan) -> list[ValuedPlan]:
         """Return variants of a plan that go on tracking what it gives up, where the policy would, most first.

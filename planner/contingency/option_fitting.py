@@ -88,6 +88,13 @@ class OptionFitter:
                 plan = branch.options[path[depth + 1]].plan
         return bits
 
+    def regret(self, plan: ValuedPlan, row: int, masses: Masses) -> float:
+        """Return what the optimal policy would earn more than a plan from a row on, met with these masses."""
+        return sum(
+            float(np.vdot(m, np.maximum(self.optimal(s) - plan.backward.value(row, s), 0.0)))
+            for s, m in masses.items()
+        )
+
     def points(self, plan: ValuedPlan) -> list[Point]:
         """Return where an option may be put, by falling regret (the most that any option there can win)."""
         found = []
@@ -110,11 +117,7 @@ class OptionFitter:
                 }
                 if not kept:
                     continue
-                regret = sum(
-                    float(np.vdot(m, np.maximum(self.optimal(s) - plan.backward.value(row, s), 0.0)))
-                    for s, m in kept.items()
-                )
-                found.append(Point(path, row, kept, regret))
+                found.append(Point(path, row, kept, self.regret(plan, row, kept)))
         found.sort(key=lambda p: (-p.regret, p.path))
         return found
 

@@ -13,9 +13,13 @@ from hypothesis import given, settings
 from planner.contingency.bounds import GRIDS, relaxed_bound, trivial_bound, upper_bound
 from planner.contingency.branching import SearchLimits, plan_optimal
 from planner.contingency.conditions import Bins, best_condition
+from planner.contingency.growing import Grower
+from planner.contingency.option_fitting import OptionFitter
 from planner.contingency.policy import LiveSets, Moves, Policy
 from planner.contingency.reduction import reduce_problem
 from planner.contingency.seeding import mean_route, mean_seed
+from planner.contingency.settling import Settler
+from planner.contingency.valued_plan import ValuedPlan
 from planner.evaluate.grid import Grid, Rounding
 from planner.evaluate.model import Model
 from planner.evaluate.propagate import Evaluator, State
@@ -217,3 +221,27 @@ def test_a_day_shorter_than_the_tracks_of_a_drive_has_a_plan_and_a_bound(time_s:
     result = solve(problem, max_branches=2, iterations=2)
     assert result.status in {PlanStatus.EMPTY, PlanStatus.PLANNED}
     assert max(0.0, result.lower, result.expected_utility) <= result.upper + 1e-9
+
+
+def test_a_beginning_promises_what_the_policy_can_still_earn_after_its_first_half() -> None:
+    problem = example(
+        places=[(2.0, 0.0), (4.0, 0.0), (6.0, 0.0), (8.0, 0.0)],
+        observations=[[observation(f"O{k}", utility=5.0)] for k in range(4)],
+        time_s=6000.0,
+        loss=0.0,
+        overrun_penalty=5.0,
+    )
+    model = Model.of(problem)
+    grid = Grid(model, 49, 29)
+    policy = Policy(Grid(model, 49, 29, Rounding.MID, np.float32))
+    fitter = OptionFitter(policy, grid, None, lambda: False)
+    grower = Grower(fitter, Settler(fitter, 2e-4, 4), 2e-4)
+
+    def promise(*names: str) -> float:
+        plan = ValuedPlan(fitter.tails, visits(problem, *names))
+        assert plan.value <= grower.promise(plan) <= policy.best() * (1.0 + 1e-4)
+        return grower.promise(plan)
+
+    assert promise("O0", "O1", "O2", "O3") > 0.999 * policy.best()
+    assert promise("O0", "O1", "O3") > 0.999 * policy.best()  # what comes late can be won back
+    assert promise("O0", "O3", "O2", "O1") < 0.99 * policy.best()  # the second drive is already wrong
