@@ -52,15 +52,33 @@ def view_move(cloud: SurfaceCloud, profile: RoverProfile, point: Array, normal: 
     """Return the move to a stand from which the mast sees `point` from another side and the arm reaches it,
     or why there is none: of those within a short move the one that faces the surface most.
 
+    Where the arm holds the tool along that normal from nowhere, it may be the normal that is wrong: then the
+    ground's own shape tells where to stand.
+
     All in the rover frame; `point` (3,), m, lies on the surface and `normal` (3,) is its outward unit normal,
     as far as it is known.
     """
-    stands = _stands(cloud, profile, point, normal)
-    if isinstance(stands, str):
-        return stands
+    why = ""
+    for face in (normal, None):
+        stands = _stands(cloud, profile, point, face)
+        if isinstance(stands, str):
+            why = why or stands
+            continue
+        facing = _facing(stands, profile, point, normal)
+        if facing:
+            return _move(max(facing, key=lambda one: one[0])[1])
+    return why or "no stand within a short move shows the place from another side"
+
+
+def _facing(
+    stands: list[ObservationPoint], profile: RoverProfile, point: Array, normal: Array
+) -> list[tuple[float, ObservationPoint]]:
+    """Return the stands within a short move from which the mast sees a point (3,) from another side, each
+    after the cosine between the line of sight and the normal (3,).
+    """
     mast = np.array((*profile.mast.base_m[:2], profile.mast.height_m))
     here = mast - point
-    facing: list[tuple[float, ObservationPoint]] = []
+    facing = []
     for stand in stands:
         move = _move(stand)
         there = np.asarray(stand.pose.site_from_rover.apply(mast)) - point
@@ -69,9 +87,7 @@ def view_move(cloud: SurfaceCloud, profile: RoverProfile, point: Array, normal: 
             continue
         if abs(turned) >= ANOTHER_SIDE_RAD:
             facing.append((float(there @ normal) / float(np.linalg.norm(there)), stand))
-    if not facing:
-        return "no stand within a short move shows the place from another side"
-    return _move(max(facing, key=lambda one: one[0])[1])
+    return facing
 
 
 def _stands(

@@ -65,10 +65,15 @@ class Search:
         with room. What the narrow pair shows of it decides, where it shows enough.
         """
         judged = self.judge(self.at)
-        opinion = self.looks.opinion(self.at, anew=True) if _promising(judged) else UNSEEN
-        self.hopeful = _promising(judged) and opinion.sight is not Sight.BAD
+        promising = _promising(judged)
+        # what a cloud says of a place that it does not know is worth no more than the next look
+        self.hopeful = promising or any(finding.reason in UNKNOWING for finding in judged.findings)
+        opinion = self.looks.opinion(self.at, anew=True) if self.hopeful else UNSEEN
         if opinion.sight is Sight.BAD and opinion.finding is not None:
+            self.hopeful = False
             self.first = judged.with_finding(opinion.finding)
+            return None
+        if not promising:
             return None
         if opinion.judged is not None:
             posture = self.reached(opinion.judged)
@@ -335,4 +340,9 @@ class Search:
 
 
 def _promising(judged: Judged) -> bool:
-    return all(finding.reason in PROMISING for finding in judged.findings)
+    """Return whether all that is wrong with a place a narrow look may know better.
+
+    Where no axis of approach is asked for a slope is nothing but what the normal may be off.
+    """
+    known = PROMISING if judged.measures is None or judged.measures.slope_rad else PROMISING | {Reason.SLOPE}
+    return all(finding.reason in known for finding in judged.findings)

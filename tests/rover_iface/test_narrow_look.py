@@ -208,6 +208,19 @@ def test_what_the_hazcams_do_not_show_the_narrow_pair_may(k9: RoverProfile) -> N
     assert placed(k9, narrow_sheet, holed, search_m=0.02).decision is Decision.PLACE
 
 
+def test_a_slope_that_is_all_uncertainty_does_not_keep_the_narrow_pair_away(k9: RoverProfile) -> None:
+    # 46012: the other clouds knew the normal to 20 degrees, and said so as a slope
+    first, found = hazcam()
+    coarse = replace(first, covariances=1600.0 * first.covariances)
+    limits = SafetyLimits(search_m=0.01)
+
+    def tried(narrow: NarrowLook | None) -> PlacementVerdict:
+        return plan_placement(coarse, on_top(), k9, limits=limits, segmentation=found, narrow=narrow)
+
+    assert Reason.SLOPE in [finding.reason for finding in tried(None).findings]
+    assert tried(narrow_sheet).decision is Decision.PLACE
+
+
 def test_a_look_that_brings_nothing_leaves_the_other_clouds_to_judge(k9: RoverProfile) -> None:
     with_none, without = placed(k9, lambda _: None), placed(k9, None)
     assert with_none.decision is without.decision is Decision.PLACE

@@ -102,8 +102,8 @@ def test_a_point_that_is_safe_from_here_is_taken_from_here(k9: RoverProfile) -> 
 
 def test_a_point_that_is_known_to_be_bad_is_worth_no_move(k9: RoverProfile) -> None:
     points = raster()[0].copy()
-    near = np.linalg.norm(points - spot()[0], axis=-1) < 0.016
-    points[near] += 0.05 * spot()[1]
+    away = np.linalg.norm(points - spot()[0], axis=-1)[..., None]
+    points += np.where(np.isfinite(away), 0.032 * np.exp(-((away / 0.014) ** 2)), 0.0) * spot()[1]
     cloud = cloud_of_points(points, sigma_m=0.002, eye=EYE)
     found = segment(cloud)
 
