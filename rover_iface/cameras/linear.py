@@ -83,6 +83,12 @@ def warp(
     if image.shape == (to.height, to.width) and _same(source, to):
         return np.ascontiguousarray(image, dtype=np.float32)
     out = np.empty((to.height, to.width), np.float32)
+    if source.kind is ModelKind.CAHV and to.kind is ModelKind.CAHV:
+        from rover_iface.cameras.linear_kernels import warp_linear
+
+        given = np.ascontiguousarray(image, dtype=np.float32)
+        warp_linear(given, to.packed, source.packed, range_m, np.float32(fill), out)
+        return out
     coordinates = warp_coordinates(to, source, range_m=range_m)
     kernels.sample_bilinear(np.ascontiguousarray(image, dtype=np.float32), coordinates, np.float32(fill), out)
     return out

@@ -95,7 +95,7 @@ def features(aids: TrackerAids) -> Tracker:
 
 def features_and_shape(aids: TrackerAids) -> Tracker:
     """Return features on the way, the narrow pair's first picture and registration of surfaces on arrival."""
-    from rover_iface.vision.arrival import ArrivalTracker
+    from rover_iface.vision.narrow.arrival import ArrivalTracker
     from rover_iface.vision.shape_tracker import CombinedTracker
     from rover_iface.vision.sift import SiftOptions
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rover_iface.cameras.model import CameraModel
+from rover_iface.cameras import kernels
+from rover_iface.cameras.linear import FAR_M, warp, warp_coordinates
+from rover_iface.cameras.model import CameraModel, pinhole
 from rover_iface.cameras.rig import load_cameras
 from rover_iface.cameras.stereo import PointStereo, dense_stereo, point_stereo, triangulate
 from rover_iface.errors import CameraError
@@ -98,6 +102,24 @@ def test_an_expected_range_narrows_the_search() -> None:
     far_only = PointStereo(nearest_m=30.0)
     nothing = point_stereo(left.unit, right.unit, left.camera, right.camera, (90, 90), options=far_only)
     assert nothing is None or nothing.score < 0.7
+
+
+@pytest.mark.parametrize("range_m", [2.0, FAR_M])
+def test_linear_cameras_are_warped_as_any_others_are(range_m: float) -> None:
+    """The reference goes through the models pixel by pixel."""
+    rng = np.random.default_rng(5)
+    image = rng.random((90, 120)).astype(np.float32)
+    ahead, aside = np.array([1.0, 0.1, -0.2]), np.array([0.1, -0.3, 0.05])
+    source = pinhole(focal_px=150.0, width=120, height=90, center=np.zeros(3), forward=ahead)
+    for mirrored in (False, True):
+        to = pinhole(focal_px=170.0, width=110, height=80, center=aside, forward=ahead + aside)
+        if mirrored:
+            to = replace(to, H=2.0 * to.hc * to.A - to.H)
+        at = warp_coordinates(to, source, range_m=range_m)
+        expected = np.empty((80, 110), np.float32)
+        kernels.sample_bilinear(image, at, np.float32(-1.0), expected)
+        assert 0.2 < (expected >= 0.0).mean() < 1.0
+        assert np.abs(warp(image, source, to, range_m=range_m, fill=-1.0) - expected).max() < 1e-5
 
 
 def test_a_range_whose_error_is_not_asked_for_is_the_same_range() -> None:
