@@ -36,6 +36,18 @@ def steps_at(plan: Plan, path: Path) -> Plan:
     return steps[path[-1] :]
 
 
+def steps_to(plan: Plan, path: Path) -> Plan:
+    """Return the steps on the way to the step at a path, without what branches off."""
+    found: list[Step] = []
+    for depth in range(0, len(path), 2):
+        found += (step for step in plan[: path[depth]] if not isinstance(step, Branch))
+        if depth + 2 < len(path):
+            branch = plan[path[depth]]
+            assert isinstance(branch, Branch)
+            plan = branch.options[path[depth + 1]].plan
+    return tuple(found)
+
+
 def with_steps(plan: Plan, path: Path, change: Callable[[Plan, int], Plan]) -> Plan:
     """Return the plan with the list of steps around `path` replaced by `change(list, position)`."""
     if len(path) == 1:

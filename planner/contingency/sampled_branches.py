@@ -9,6 +9,7 @@ instead of actions.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -36,8 +37,9 @@ def better_by_branches(*curves: Curve) -> Curve:
 
 """Value and plan with at most 0, 1, 2, ... branches."""
 
-SHORTLIST = 10
-"""Endings that are fitted on many futures for each option."""
+SHORTLIST, OF_A_POINT = 12, 3
+"""Endings that are fitted on many futures for each option, and how many of them at one point: those of one
+are much alike, and what they win on few futures is partly luck. By hand."""
 
 LEAST_SHARE = 0.02
 """Points that fewer futures come to get no option."""
@@ -75,11 +77,16 @@ class _Grower:
             if int(there.sum()) < SCANNED * LEAST_SHARE:
                 continue
             rest = steps_at(line.plan, path)
+            best: list[float] = []  # of this point, the largest first
             for steps in self.endings.candidates(self.sampler, line, path, arrivals):
                 if self.sampler.over():
                     return []
                 gains = (self.sampler.utility(line, Change(path, steps), SCANNED) - base)[there]
+                most = float(np.maximum(gains, 0.0).sum())  # with any condition
+                if len(best) == OF_A_POINT and most <= best[-1]:
+                    continue
                 choice = fitted_condition(self.model, arrivals, gains, self.sampler.tests(rest, steps))
+                best = sorted([*best, choice.gain], reverse=True)[:OF_A_POINT]
                 ideas.append(_Idea(choice.gain / SCANNED, path, steps))
         ideas.sort(key=lambda idea: (-idea.gain, idea.path))
         return ideas
@@ -87,7 +94,7 @@ class _Grower:
     def best_option(self, line: Line) -> Plan | None:
         """Return the plan with the option that wins most; None if none wins for sure."""
         changes = []
-        for idea in self.ideas(line)[:SHORTLIST]:
+        for idea in _shortlist(self.ideas(line)):
             if self.sampler.over():
                 break
             change = self.with_option(line, idea.path, idea.steps)
@@ -101,8 +108,9 @@ class _Grower:
 
         An ending that wins without any condition replaces the rest of its list.
         """
-        there, arrivals = line.arrivals(line.program.step_row[path], FITTED)
-        gains = (self.sampler.utility(line, Change(path, steps), FITTED) - line.futures.utility)[there]
+        fitted = self.sampler.fitted
+        there, arrivals = line.arrivals(line.program.step_row[path], fitted)
+        gains = (self.sampler.utility(line, Change(path, steps), fitted) - line.futures.utility)[there]
         rest = steps_at(line.plan, path)
         choice = fitted_condition(self.model, arrivals, gains, self.sampler.tests(rest, steps))
         if choice.gain <= 0.0:
@@ -115,6 +123,17 @@ class _Grower:
         return Change(at, steps_at(plan, at))
 
 
+def _shortlist(ideas: list[_Idea]) -> list[_Idea]:
+    """Return the best of ideas that are in order, with few of each point."""
+    of_point: dict[Path, int] = defaultdict(int)
+    chosen = []
+    for idea in ideas:
+        of_point[idea.path] += 1
+        if of_point[idea.path] <= OF_A_POINT:
+            chosen.append(idea)
+    return chosen[:SHORTLIST]
+
+
 def grow_branches(
     model: Model,
     plan: Plan,
@@ -122,15 +141,16 @@ def grow_branches(
     *,
     should_stop: Callable[[], bool] = lambda: False,
     told: Callable[[Plan, float], None] = lambda plan, value: None,
+    fitted: int = FITTED,
 ) -> Curve:
     """Return the best plans found with at most 0, 1, 2, ... branches that begin with a plan.
 
-    Values are means over the futures that the plans were fitted on: they favour the plans and must be checked
-    on others.
+    Values are means over the `fitted` futures that the plans were fitted on: they favour the plans and must
+    be checked on others.
     """
-    sampler = Sampler(model, limits, should_stop)
+    sampler = Sampler(model, limits, should_stop, fitted=fitted)
     grower, polisher = _Grower(sampler), Polisher(sampler)
-    line = polisher.polished(sampler.line(plan))
+    line = polisher.polished(sampler.line(plan), thoroughly=True)
     curve: Curve = []
 
     def keep(line: Line) -> None:
@@ -150,4 +170,5 @@ def grow_branches(
         keep(line)
         line = polisher.polished(line)
         keep(line)
+    keep(polisher.polished(line, thoroughly=True))
     return curve

@@ -17,7 +17,7 @@ from planner.evaluate.model import Floats, Model, Truths
 from planner.evaluate.monte_carlo import Futures, resume, simulate
 from planner.evaluate.program import Program, compile_plan
 from planner.evaluate.rollout import Passages, Standing, kinds_of
-from planner.plan_edits import with_tail
+from planner.plan_edits import steps_to, with_tail
 from planner.plan_tree import Branch, Navigate, Observe, Path, Plan
 
 SCANNED = 1_024
@@ -25,6 +25,9 @@ SCANNED = 1_024
 
 FITTED = 16_384
 """Futures on which the best candidates are fitted and compared."""
+
+MOST_KNOWN = 20_000
+"""Endings whose worth in the first futures is kept: 164 MB. By hand."""
 
 SURE = 2.5
 """Standard errors by which a change must win on the futures that it is fitted on."""
@@ -50,10 +53,10 @@ class Change:
 class Line:
     """A plan, and what it earns and sees in the futures that all plans share."""
 
-    def __init__(self, model: Model, plan: Plan, seed: int) -> None:
+    def __init__(self, model: Model, plan: Plan, seed: int, futures: int = FITTED) -> None:
         self.plan, self.seed, self.chance = plan, seed, model.sols.chance
         self.program: Program = compile_plan(model, plan, mark_ends=True)
-        self.futures: Futures = simulate(model, self.program, FITTED, seed=seed, watch=True)
+        self.futures: Futures = simulate(model, self.program, futures, seed=seed, watch=True)
         assert self.futures.seen is not None
         self.seen: Passages = self.futures.seen
 
@@ -79,22 +82,45 @@ class Line:
 
 
 class Sampler:
-    """Carries plans out in the shared futures, and counts how often."""
+    """Carries plans out in the shared futures, and counts how often; the best candidates in `fitted` ones."""
 
-    def __init__(self, model: Model, limits: Growth, should_stop: Callable[[], bool]) -> None:
-        self.model, self.limits, self.should_stop = model, limits, should_stop
+    def __init__(
+        self, model: Model, limits: Growth, should_stop: Callable[[], bool], *, fitted: int = FITTED
+    ) -> None:
+        self.model, self.limits, self.should_stop, self.fitted = model, limits, should_stop, fitted
         self.iterations = 0
+        self._known: dict[tuple[Plan, Plan, int], Floats] = {}
 
     def over(self) -> bool:
         limit = self.limits.iterations
         return (limit is not None and self.iterations >= limit) or self.should_stop()
 
     def line(self, plan: Plan) -> Line:
-        return Line(self.model, plan, self.limits.seed)
+        return Line(self.model, plan, self.limits.seed, self.fitted)
 
     def utility(self, line: Line, change: Change, futures: int) -> Floats:
-        """Return what the first futures earn with a change; those that do not come there what they did."""
-        return self.utility_at(line, line.program.step_row[change.path], change.rest, futures)
+        """Return what the first futures earn with a change; those that do not come there what they did.
+
+        Where a future stands at a step follows from the steps on the way there, and not from the options that
+        it did not take. So what it earns with other steps from there on is worked out once, whatever else of
+        the plan is changed since.
+        """
+        self.iterations += 1
+        row = line.program.step_row[change.path]
+        there = np.flatnonzero(~np.isnan(line.seen.time_s[:futures, row]))
+        utility = line.futures.utility[:futures].copy()
+        key = steps_to(line.plan, change.path), change.rest, futures
+        known = self._known.get(key)
+        if known is None or np.isnan(known[there]).any():
+            known = np.full(futures, np.nan)
+            standing = line.standing(row, futures)
+            known[there] = resume(self.model, change.rest, standing, seed=self.limits.seed)
+            if futures <= SCANNED:
+                if len(self._known) >= MOST_KNOWN:
+                    self._known.clear()
+                self._known[key] = known
+        utility[there] = known[there]
+        return utility
 
     def utility_at(self, line: Line, row: int, rest: Plan, futures: int) -> Floats:
         """Return what the first futures earn when those that come to a row go on with other steps."""
@@ -106,9 +132,9 @@ class Sampler:
 
     def surely(self, line: Line, change: Change) -> float | None:
         """Return what a changed plan earns more than a line; None where that may be chance."""
-        more = self.utility(line, change, FITTED) - line.futures.utility
+        more = self.utility(line, change, self.fitted) - line.futures.utility
         gain = float(more.mean())
-        return gain if gain > SURE * float(more.std()) / np.sqrt(FITTED) else None
+        return gain if gain > SURE * float(more.std()) / np.sqrt(self.fitted) else None
 
     def best_sure(self, line: Line, changes: list[Change]) -> Change | None:
         """Return the change that wins most for sure; None if none does."""

@@ -1,17 +1,22 @@
-"""Plans polished on common futures: observations put in and taken out, conditions fitted anew."""
+"""Plans polished on common futures: observations put in, taken out and exchanged, visits moved and turned
+round, conditions fitted anew.
+
+The moves of visits are those of local search for tours (Or 1976, Croes 1958), judged on what the plan earns.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 
 from planner.contingency.sampled_conditions import fitted_condition
-from planner.contingency.sampled_futures import FITTED, SCANNED, Change, Line, Sampler
+from planner.contingency.sampled_futures import SCANNED, Change, Line, Sampler
 from planner.plan_edits import lists_of, neutral_option, options_of, replace_option, steps_at, with_tail
 from planner.plan_tree import Branch, Navigate, Observe, OnFail, Option, Path, Plan, Step, TrackStart
 
-SWEEPS = 5
-"""Passes over a plan; most end earlier, when one wins nothing. By hand."""
+SWEEPS = 10
+"""Passes over a plan; most end earlier, when one wins nothing. By hand: each makes one change."""
 
 SHORTLIST = 10
 """Changes that are tried on many futures in each sweep."""
@@ -26,12 +31,15 @@ class Polisher:
     def __init__(self, sampler: Sampler) -> None:
         self.sampler, self.model = sampler, sampler.model
 
-    def polished(self, line: Line) -> Line:
-        """Return the plan after the changes that win for sure, the best of each sweep at a time."""
+    def polished(self, line: Line, *, thoroughly: bool = False) -> Line:
+        """Return the plan after the changes that win for sure, the best of each sweep at a time.
+
+        Visits are exchanged, moved and turned round only where it is to be polished `thoroughly`.
+        """
         for _ in range(SWEEPS):
             base = line.futures.utility[:SCANNED]
             ideas: list[tuple[float, int, Change]] = []
-            for k, change in enumerate(self.changes(line)):
+            for k, change in enumerate(self.changes(line, thoroughly=thoroughly)):
                 if self.sampler.over():
                     return line
                 gain = float((self.sampler.utility(line, change, SCANNED) - base).mean())
@@ -43,8 +51,8 @@ class Polisher:
             line = self.sampler.line(line.changed(better))
         return line
 
-    def changes(self, line: Line) -> Iterator[Change]:
-        """Yield conditions fitted anew, and observations taken out and put in."""
+    def changes(self, line: Line, *, thoroughly: bool = False) -> Iterator[Change]:
+        """Yield conditions fitted anew, observations taken out and put in, and visits changed."""
         for path, option in options_of(line.plan):
             refitted = self._refitted(line, path, option)
             if refitted is not None:
@@ -54,16 +62,22 @@ class Polisher:
                 if isinstance(step, Observe):
                     yield Change((*owner, k - _alone(steps, k)), steps[k + 1 :])
             yield from self._insertions(line.plan, owner, steps)
+            if not thoroughly:
+                continue
+            yield from self._exchanges(line.plan, owner, steps)
+            for k, rest in reordered(steps):
+                if self._drivable(line.plan, (*owner, k), rest):
+                    yield Change((*owner, k), rest)
 
     def _refitted(self, line: Line, path: Path, option: Option) -> Change | None:
         row = line.program.option_test[path]
-        there, arrivals = line.arrivals(row, FITTED)
+        there, arrivals = line.arrivals(row, self.sampler.fitted)
         if not there.any():
             return None
         branch = path[:-1]
         going_on = steps_at(neutral_option(line.plan, path), branch)
-        gains = self.sampler.utility_at(line, row, option.plan, FITTED)
-        gains -= self.sampler.utility_at(line, row, going_on, FITTED)
+        gains = self.sampler.utility_at(line, row, option.plan, self.sampler.fitted)
+        gains -= self.sampler.utility_at(line, row, going_on, self.sampler.fitted)
         rest = steps_at(line.plan, (*path[:-2], path[-2] + 1))
         tests = self.sampler.tests(option.plan, rest)
         choice = fitted_condition(self.model, arrivals, gains[there], tests)
@@ -82,18 +96,46 @@ class Polisher:
             later = frozenset(self.sampler.observations(steps[k:]))
             ahead = next((model.place_of[s.to] for s in steps[k:] if isinstance(s, Navigate)), None)
             for m, legs in self._near(place, ahead, made | later):
-                target = int(model.obs_place[m])
-                tid = model.target_ids[target - 1]
-                added: tuple[Step, ...] = (Observe(model.observation_ids[m], tid, OnFail.SKIP),)
+                yield from self._with_visit(plan, (*owner, k), m, legs, steps[k:], started)
+
+    def _exchanges(self, plan: Plan, owner: Path, steps: Plan) -> Iterator[Change]:
+        """Yield each visit given up for one to another target."""
+        model = self.model
+        started = {model.place_of[s.target] for s in plan if isinstance(s, TrackStart)}
+        for first, end in _visits(steps):
+            made, place = self.sampler.before(plan, (*owner, first))
+            rest = steps[end:]
+            ahead = next((model.place_of[s.to] for s in rest if isinstance(s, Navigate)), None)
+            known = made | frozenset(self.sampler.observations(steps[first:]))
+            for m, legs in self._near(place, ahead, known):
                 if legs:
-                    added = (Navigate(tid, bool(model.is_place[m]), OnFail.SKIP), *added)
-                change = Change((*owner, k), (*added, *steps[k:]))
-                longer = with_tail(plan, change.path, change.rest)
-                if model.is_place[m] and target not in started:
-                    longer = (TrackStart(tid), *longer)
-                    change = Change((0,), longer)
-                if model.admits_plan(longer):
-                    yield change
+                    yield from self._with_visit(plan, (*owner, first), m, legs, rest, started)
+
+    def _with_visit(
+        self, plan: Plan, path: Path, m: int, legs: bool, rest: Plan, started: set[int]
+    ) -> Iterator[Change]:
+        """Yield the plan with an observation at a path and then the rest, if it is admitted; `legs` says
+        whether the rover has to drive there, `started` are the places whose tracks the plan starts.
+        """
+        model = self.model
+        target = int(model.obs_place[m])
+        tid = model.target_ids[target - 1]
+        added: tuple[Step, ...] = (Observe(model.observation_ids[m], tid, OnFail.SKIP),)
+        if legs:
+            added = (Navigate(tid, bool(model.is_place[m]), OnFail.SKIP), *added)
+        change = Change(path, (*added, *rest))
+        longer = with_tail(plan, change.path, change.rest)
+        if model.is_place[m] and target not in started:
+            longer = (TrackStart(tid), *longer)
+            change = Change((0,), longer)
+        if model.admits_plan(longer):
+            yield change
+
+    def _drivable(self, plan: Plan, path: Path, rest: Plan) -> bool:
+        """Return whether a leg leads to each stop of a list's rest from the one before."""
+        place = self.sampler.before(plan, path)[1]
+        stops = [place, *(self.model.place_of[step.to] for step in rest if isinstance(step, Navigate))]
+        return all(a != b and self.model.has_leg[a, b] for a, b in pairwise(stops))
 
     def _near(self, place: int, ahead: int | None, known: frozenset[int]) -> list[tuple[int, bool]]:
         """Return observations to put in at a place, best worth for time first, and whether one drives."""
@@ -118,6 +160,39 @@ class Polisher:
                 (-float(model.utility[m] * model.p_success[m]) / max(seconds, 1.0), m, target != place)
             )
         return [(m, legs) for _, m, legs in sorted(offers)[:NEAREST]]
+
+
+def _visits(steps: Plan) -> list[tuple[int, int]]:
+    """Return where the visits of a list begin and end: a drive and what is observed right after it."""
+    found = []
+    for k, step in enumerate(steps):
+        end = k + 1
+        while isinstance(step, Navigate) and end < len(steps) and isinstance(steps[end], Observe):
+            end += 1
+        if end > k + 1:
+            found.append((k, end))
+    return found
+
+
+def reordered(steps: Plan) -> Iterator[tuple[int, Plan]]:
+    """Yield a list with one visit made earlier or later, or with visits in a row turned round: from where it
+    differs, and the rest.
+
+    What branches off before a visit does not move with it.
+    """
+    visits = _visits(steps)
+    for i, (first, end) in enumerate(visits):
+        for to, _ in visits[:i]:
+            yield to, (*steps[first:end], *steps[to:first], *steps[end:])
+        for _, to in visits[i + 2 :]:  # a visit past the next one is the next one made earlier
+            yield first, (*steps[end:to], *steps[first:end], *steps[to:])
+        for j in range(i + 2, len(visits)):
+            turned: list[Step] = list(steps[first : visits[j][1]])
+            if any(isinstance(step, Branch) for step in turned):
+                break
+            inner = [steps[a:b] for a, b in reversed(visits[i : j + 1])]
+            if sum(map(len, inner)) == len(turned):
+                yield first, (*(step for visit in inner for step in visit), *steps[visits[j][1] :])
 
 
 def _alone(steps: Plan, k: int) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
@@ -12,18 +12,23 @@ from planner.contingency.long_routes import long_routes, plan_long, widened
 from planner.contingency.reduction import live_sets_of
 from planner.contingency.sampled_branches import better_by_branches, grow_branches
 from planner.contingency.sampled_conditions import Arrivals, fitted_condition
-from planner.contingency.sampled_futures import Change, Growth, Sampler
+from planner.contingency.sampled_futures import FITTED, SCANNED, Change, Growth, Sampler
+from planner.contingency.sampled_polish import Polisher, reordered
 from planner.evaluate.grid import Grid
 from planner.evaluate.model import MAX_BITS, Model
-from planner.evaluate.monte_carlo import simulate
+from planner.evaluate.monte_carlo import resume, simulate
 from planner.evaluate.program import compile_plan
 from planner.large_plans import plan_large
 from planner.notes import annotate, annotate_sampled
-from planner.plan_edits import steps_at
+from planner.plan_edits import options_of, steps_at, without_option
 from planner.plan_tree import (
+    Branch,
     Comparison,
     Condition,
     EnergyCondition,
+    Navigate,
+    Observe,
+    Option,
     Path,
     Plan,
     PlanTree,
@@ -36,6 +41,7 @@ from planner.plan_tree import (
 )
 from planner.problem import Problem
 from planner.solve import solve
+from planner.tally import Step, tallied
 from tests.planner.examples import example, observation, visits
 
 
@@ -119,6 +125,83 @@ def test_a_changed_ending_earns_what_the_whole_changed_plan_earns() -> None:
     for change in changes:
         whole = simulate(model, line.changed(change), 2000, seed=5).utility
         assert np.allclose(sampler.utility(line, change, 2000), whole, rtol=0.0, atol=1e-9)
+
+
+def test_what_was_worked_out_before_another_change_is_what_the_whole_plan_earns() -> None:
+    problem = _many(6)
+    model = Model.of(problem)
+    start = long_routes(problem, seed=1)[0]
+    plan = grow_branches(model, start.plan, Growth(3, 1, iterations=2500))[-1][1]
+    assert count_branches(plan) > 1
+    sampler = Sampler(model, Growth(3, 5), lambda: False)
+    for path, _ in reversed(list(options_of(plan))):  # the plan with fewer and fewer options
+        line = sampler.line(plan)
+        for at, k, j in _later_parts(plan):
+            change = Change((*at[:-1], k), steps_at(plan, at)[j:])
+            whole = simulate(model, line.changed(change), SCANNED, seed=5).utility
+            assert np.allclose(sampler.utility(line, change, SCANNED), whole, rtol=0.0, atol=1e-9)
+        plan = without_option(plan, path)
+
+
+def test_futures_that_are_carried_out_again_and_conditions_count_as_work() -> None:
+    model = Model.of(_many(5))
+    line = Sampler(model, Growth(0, 5), lambda: False).line(long_routes(_many(5), seed=1)[0].plan)
+    row = line.program.step_row[len(line.plan) - 1,]
+    with tallied() as tally:
+        resume(model, line.plan[-1:], line.standing(row, SCANNED), seed=5)
+    assert tally.steps[Step.ACTION] >= len(line.standing(row, SCANNED).number) > 0
+    there, arrivals = line.arrivals(row, SCANNED)
+    with tallied() as tally:
+        fitted_condition(model, arrivals, np.zeros(int(there.sum())), [])
+    assert tally.seconds > 0.0
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_condition_takes_the_run_of_largest_sum(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    time_s, gains = rng.uniform(0, 5000, 40), rng.normal(0, 1, 40)
+    none = np.zeros(40, np.int64)
+    choice = fitted_condition(Model.of(example()), Arrivals(time_s, time_s, none), gains, [])
+    total = np.concatenate([[0.0], np.cumsum(gains[np.argsort(time_s)])])
+    open_end = max(float((total[-1] - total).max()), float(total.max()))
+    largest = max(float((total[k:] - total[k]).max()) for k in range(41))
+    assert choice.gain == pytest.approx(largest if largest > 1.02 * open_end else open_end)
+
+
+def test_visits_are_moved_whole_and_what_branches_off_stays() -> None:
+    problem = _many(5)
+    plan = visits(problem, "I0", "P1", "I2", "P3")
+    late = Branch((Option((TimeCondition(Comparison.GE, 5000.0),), ()),))
+    plan = (*plan[:6], late, *plan[6:])  # before the third drive
+    found = [(*plan[:k], *rest) for k, rest in reordered(plan)]
+    assert len(found) == len(set(found)) > 8
+    assert plan not in found
+    for changed in found:
+        assert sorted(map(str, changed)) == sorted(map(str, plan))
+        for k, step in enumerate(changed):
+            if isinstance(step, Observe):
+                before = changed[k - 1]
+                assert isinstance(before, Navigate)
+                assert before.to == step.target
+    orders = {tuple(s.observation for s in changed if isinstance(s, Observe)) for changed in found}
+    assert ("P3", "I0", "P1", "I2") in orders
+    assert ("P1", "I2", "P3", "I0") in orders
+
+
+def test_two_stops_in_the_wrong_order_are_turned_round() -> None:
+    problem = example(
+        places=[(2.0, 0.0), (4.0, 0.0), (6.0, 0.0), (8.0, 0.0)],
+        observations=[[observation(f"O{k}", utility=5.0)] for k in range(4)],
+        time_s=6000.0,
+        loss=0.0,
+        overrun_penalty=5.0,
+    )
+    model = Model.of(problem)
+    sampler = Sampler(model, Growth(0, 5), lambda: False)
+    line = sampler.line(visits(problem, "O0", "O2", "O1", "O3"))
+    found = Polisher(sampler).polished(line, thoroughly=True)
+    assert found.value > line.value * 1.02
+    assert [s.observation for s in found.plan if isinstance(s, Observe)] == ["O0", "O1", "O2", "O3"]
 
 
 def _later_parts(plan: Plan) -> Iterator[tuple[Path, int, int]]:
@@ -217,14 +300,47 @@ def test_routes_come_in_order_and_the_better_plan_of_each_number_of_branches_is_
 
 
 def test_branches_are_grown_from_a_second_route_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem, starts = _many(14), []
+    problem, starts, futures = _many(14), [], []
 
-    def grown(model: Model, plan: Plan, *_: object, **__: object) -> list[tuple[float, Plan]]:
+    def grown(
+        model: Model, plan: Plan, limits: Growth, *, fitted: int = FITTED, **_: object
+    ) -> list[tuple[float, Plan]]:
         starts.append(plan)
+        futures.append((fitted, limits.seed))
         return [(float(len(starts)), plan)]
 
     monkeypatch.setattr("planner.contingency.long_routes.grow_branches", grown)
     found = plan_long(problem, Growth(2, 1))
     assert found is not None
-    assert starts == [route.plan for route in long_routes(problem, seed=1)[:2]]
-    assert found.curve == [(2.0, starts[1])]
+    assert starts[:2] == [route.plan for route in long_routes(problem, seed=1)[:2]]
+    assert starts[2:] == [starts[1]]  # the better one again, on other and more futures
+    assert futures[:2] == [(FITTED, 1)] * 2
+    assert futures[2][0] > FITTED
+    assert futures[2][1] != 1
+    assert found.curve == [(3.0, starts[1])]
+
+
+@pytest.mark.parametrize(("behind", "stopped"), [(0.98, True), (0.995, False)])
+def test_a_second_line_is_given_up_where_it_is_far_behind(
+    monkeypatch: pytest.MonkeyPatch, behind: float, stopped: bool
+) -> None:
+    seen: list[bool] = []
+    late = Branch(tuple(Option((TimeCondition(Comparison.GE, t),), ()) for t in (1e4, 2e4)))
+
+    def grown(
+        model: Model,
+        plan: Plan,
+        limits: Growth,
+        *,
+        should_stop: Callable[[], bool],
+        told: Callable[[Plan, float], None],
+        **_: object,
+    ) -> list[tuple[float, Plan]]:
+        value = 10.0 * (behind if seen else 1.0)
+        told((late, *plan), value)
+        seen.append(should_stop())
+        return [(value, plan)] * 3
+
+    monkeypatch.setattr("planner.contingency.long_routes.grow_branches", grown)
+    assert plan_long(_many(14), Growth(2, 1)) is not None
+    assert seen[:2] == [False, stopped]
