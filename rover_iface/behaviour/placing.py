@@ -211,10 +211,12 @@ class Placing:
         try:
             contact = yield from self._reach_moving(followed, instrument)
         except RoverError as err:
+            followed.refused = True
             yield from self.hardware.spend("handoff")
             return Outcome(False, str(err), {"made": False, "energy_j": self.hardware.drawn_j - begin_j})
         reason = contact.reason if not contact.made else beside(contact, followed.update.position)
         if reason:
+            followed.refused = True
             yield from self.hardware.spend("handoff")
             reason = f"target {name}: {reason}"
             return Outcome(False, reason, {"made": False, "energy_j": self.hardware.drawn_j - begin_j})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,10 +14,13 @@ import pytest
 from PIL import Image
 
 from executive.ports import Acknowledgement, Command, CommandId, Result
+from rover_iface.behaviour.action import Step
+from rover_iface.behaviour.hardware import Contact
 from rover_iface.behaviour.mast_cameras import MastCameras
+from rover_iface.behaviour.placing import HandedOff
 from rover_iface.cameras.panorama import camera_from_document
 from rover_iface.contract import write_contract_world
-from rover_iface.errors import OutsideTerrainError, TrackerError, WorldError
+from rover_iface.errors import OutsideTerrainError, PlacementError, TrackerError, WorldError
 from rover_iface.frames import Pose
 from rover_iface.navigation.navigator import Way
 from rover_iface.simulator.abstract_rover import make_rover as make_abstract
@@ -329,6 +332,34 @@ def test_another_tracker_is_asked_for_by_name(world: Path) -> None:
         make_rover(world, tracker="hound")
     with pytest.raises(WorldError, match="has no tracker"):
         make_abstract(world, tracker="ncc")
+
+
+def test_a_target_that_was_refused_is_not_followed_to_the_next_one(
+    world: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a day of five targets 30 of 220 looks were at one that nothing would be placed on any more."""
+    rover = make_rover(world, seed=4)
+    follower, placing = rover.repertoire.follower, rover.repertoire.placing
+    assert do(rover, "trackstart", target="T1").success
+
+    def refuses(*_: object) -> Contact:
+        raise PlacementError("the tool would stand 53 degrees or more off the surface normal")
+
+    def stays(*_: object, **__: object) -> Generator[Step, None, bool]:
+        yield from ()
+        return False
+
+    monkeypatch.setattr(rover.hardware, "reach", refuses)
+    monkeypatch.setattr(placing.moves, "nearer", stays)
+    known = replace(follower.followed["T1"].update, covariance=1e-8 * np.eye(3))
+    monkeypatch.setattr(placing.handoff, "at_this_stop", lambda followed: HandedOff(known, 0.1))
+    assert "53 degrees" in do(rover, "ipplaceinstrument", target="T1").reason
+    # a move of the base would still need it
+    assert "T1" in follower.followed
+    looks = len(rover.truth.history)
+    assert do(rover, "navigate", x=0.6, y=-0.2).success
+    assert rover.get("trackerstate T1") == "idle"
+    assert len(rover.truth.history) == looks
 
 
 def test_the_ground_reaches_as_far_as_a_rover_is_led_round_rocks(world: Path) -> None:
