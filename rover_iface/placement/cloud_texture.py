@@ -37,8 +37,8 @@ class TextureOptions:
         A cell is shown by points within this of it: twice the spacing of the hazcams'.
     least_cells, least_correlation, least_drop
         A shift is believed where so many cells are shown by both, they correlate so well, and by so much less
-        two cells beside. The 17 so believed were 1.8 mm off at most and 0.5 in the median, one of them 8.7
-        before; of the three others two were 5 to 8.
+        two cells beside. The 15 rocks so tied ended 0.8 mm off at most, one of them 8.7 before; of the shifts
+        that were not believed two were 5 to 8 mm off.
     """
 
     half_m: float = 0.08
