@@ -40,7 +40,7 @@ SPOT_OFF_PX = 4.0
 in what is behind an outline and was up to 2.3 px off there."""
 SPOT_SCORE = 0.4
 """Of a spot where noise alone keeps its pixels off one surface 0.33 to 1, at a cost of 2 and less; of planes
-that were no surface 0.08 (four of 840 points, tuning)."""
+through nothing that is there 0.08 (four of 840 points, tuning)."""
 ABOUT_PX = 4.0
 """How far round the target the dense cloud proposes ranges: half a block of it. Two of 400 points were ranged
 28 px of disparity off by the trackers' window."""
