@@ -73,7 +73,9 @@ def lay_out(
 
 @njit(cache=True, nogil=True)
 def worst_beside(on_it: Array, size: int, out: Array) -> None:
-    """Fill `out` [size^2] with the least of `on_it` [size^2] over each pixel and its eight neighbours."""
+    """Fill `out` [n] with the least of `on_it` [n], a window of n = size^2 pixels, over each pixel and its eight
+    neighbours.
+    """
     for j in range(size):
         for i in range(size):
             least = 1.0
