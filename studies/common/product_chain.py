@@ -95,7 +95,7 @@ class Product:
         that is to be rendered for it.
         """
         if not self.flat:
-            gains = _fall_off(negative.camera) * row_edges(negative.light.shape, seed)
+            gains = fall_off(negative.camera) * row_edges(negative.light.shape, seed)
             negative = replace(negative, light=np.ascontiguousarray(negative.light * gains, np.float32))
         grey = negative.develop(self.exposure, seed).image.astype(np.float32)
         if self.averaged > 1:
@@ -198,11 +198,19 @@ def jpeg_coded(grey: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
     return np.asarray(cv2.imdecode(coded, cv2.IMREAD_GRAYSCALE), dtype=np.uint8)
 
 
-def _fall_off(camera: CameraModel) -> npt.NDArray[np.float64]:
-    """Return cos^4 (h, w) of the angles to the camera's axis, the share of light that falls on the sensor."""
+def fall_off(camera: CameraModel) -> npt.NDArray[np.float64]:
+    """Return which share of the light in the middle falls on each pixel (h, w) of a camera, by its optics.
+
+    That goes with the solid angle that a pixel sees and with the cosine of the angle to the optical axis, by
+    which the pupil is foreshortened: cos^4 for a lens without distortion, less for a fisheye.
+    """
     u, v = np.meshgrid(np.arange(camera.width, dtype=float), np.arange(camera.height, dtype=float))
     _, rays = camera.back_project(np.stack((u, v), axis=-1))
-    return np.asarray(np.clip(rays @ camera.A, 0.0, 1.0) ** 4)
+    down, across = np.gradient(rays, axis=(0, 1))
+    angle = np.linalg.norm(np.cross(down, across), axis=-1)
+    axis = camera.O if camera.kind is ModelKind.CAHVORE else camera.A
+    light = np.clip(rays @ (axis / np.linalg.norm(axis)), 0.0, 1.0) * angle
+    return np.asarray(light / light.max())
 
 
 def _resampled(grey: Grey, taken: CameraModel, wanted: CameraModel) -> Grey:

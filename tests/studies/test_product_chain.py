@@ -10,6 +10,7 @@ from rover_iface.cameras.model import pinhole
 from studies.common.product_chain import (
     ROW_EDGE,
     Product,
+    fall_off,
     product_of,
     row_edges,
     shared_pattern,
@@ -92,3 +93,14 @@ def test_a_mosaic_keeps_what_is_even_and_smooths_a_pixel() -> None:
     spot = np.zeros((64, 64), np.float32)
     spot[30, 30] = 1.0
     assert 0.2 < float(through_mosaic(spot).max()) < 0.6
+
+
+def test_light_falls_off_with_the_fourth_power_of_the_cosine_unless_a_lens_is_a_fisheye() -> None:
+    _, rays = CAMERA.back_project(np.array([[128.0, 96.0], [3.0, 5.0]]))
+    found = fall_off(CAMERA)
+    cosines = rays @ CAMERA.A
+    assert found[5, 3] / found[96, 128] == pytest.approx((cosines[1] / cosines[0]) ** 4, rel=1e-3)
+    label = read_product(shared("data/imagery/mer/1f581291004ednd2fcp1121r0m1.img.gz"))
+    hazcam = fall_off(label.camera)
+    corner = label.camera.back_project(np.array([20.0, 250.0]))[1] @ label.camera.O
+    assert 2.0 * corner**4 < hazcam[250, 20] < corner
