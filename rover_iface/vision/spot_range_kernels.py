@@ -73,8 +73,8 @@ def lay_out(
 
 @njit(cache=True, nogil=True)
 def worst_beside(on_it: Array, size: int, out: Array) -> None:
-    """Fill `out` [n] with the least of `on_it` [n], a window of n = size^2 pixels, over each pixel and its eight
-    neighbours.
+    """Fill `out` [n] with the least of `on_it` [n] over each pixel of a window and its eight neighbours; n is
+    size^2.
     """
     for j in range(size):
         for i in range(size):
