@@ -451,8 +451,10 @@ def _placed(
         far_m, new = float(np.linalg.norm(met - standing.C)), _along(view, second)
     if abs(far_m - near_m) > options.sigmas * math.hypot(old, new) + options.share * near_m:
         return f"what is seen there is {100 * (far_m - near_m):+.0f} cm farther than it should be"
-    share = 1.0 / (1.0 + (new / old) ** 2)
-    range_m, along = near_m + share * (far_m - near_m), old * math.sqrt(1.0 - share)
+    share, gap_m = 1.0 / (1.0 + (new / old) ** 2), far_m - near_m
+    # pairs that disagree by more than they state err by more than they state (Birge 1932)
+    apart = max(1.0, abs(gap_m) / math.hypot(old, new))
+    range_m, along = near_m + share * gap_m, apart * old * math.sqrt(1.0 - share)
     range_m, along = _by_own_patch(pair, first, view, motion, range_m, along)
     own = eye + range_m * ray
     position, covariance = motion.at(own, along**2 * np.outer(ray, ray))

@@ -22,6 +22,8 @@ STEEPEST = 3.0
 FREE_STEPS = 3
 """Steps after which neighbours of pixels that are off the plane count as little as these: an outline mixes
 what is on both sides, and a rock curves away towards it."""
+TOLD = 0.02
+"""Least share of what gradients seem to tell that is believed, so that an error is finite."""
 BLOCKS = 3
 """Blocks of a window to a side, of which each tells for itself what the disparity should be."""
 
@@ -105,16 +107,20 @@ def fit_surface(
     disparity for each 1/m, `slant` the prior of the slopes in pixels of disparity per pixel.
 
     The variance is the sandwich of Liang and Zeger 1986 between the blocks of the window, by those pixels.
+    Gradients that noise makes are no part of what they tell (errors in variables, Fuller 1987): a window of
+    bare noise seems to be known to 0.2 px otherwise, wherever it is looked for.
     """
     m, g, t = np.zeros((6, 6)), np.zeros(6), np.zeros(6)
     scores, seen = np.zeros((BLOCKS * BLOCKS, 6)), np.zeros(BLOCKS * BLOCKS)
     size = 2 * half + 1
     on_it, beside = np.ones(len(window)), np.ones(len(window))
     cost, total, middle, nine = 0.0, 0.0, 0.0, 0.0
+    bare, held, squares = 0.0, 0.0, 0.0
     for step in range(steps + 1):
         m[:, :], g[:] = 0.0, 0.0
         scores[:, :], seen[:] = 0.0, 0.0
         cost, total, middle, nine = 0.0, 0.0, 0.0, 0.0
+        bare, held, squares = 0.0, 0.0, 0.0
         if step > FREE_STEPS:
             worst_beside(on_it, size, beside)
         for k in range(len(window)):
@@ -143,6 +149,10 @@ def fit_surface(
                 nine += 1.0
             t[0] = plane[4] * (gx * window[k, 5] + gy * window[k, 6]) / unit
             t[1], t[2], t[3], t[4], t[5] = t[0] * i, t[0] * j, plane[4] * gy, b, 1.0
+            # two pixels of one image, halved, against what is left of one pixel of both
+            bare += 0.25 * q * r * r * (window[k, 5] ** 2 + window[k, 6] ** 2) / unit**2
+            held += q * variance
+            squares += (q * variance) ** 2
             block = int((j + half) * BLOCKS / (2.0 * half + 1.0)) * BLOCKS
             block += int((i + half) * BLOCKS / (2.0 * half + 1.0))
             seen[block] += q * variance
@@ -176,4 +186,7 @@ def fit_surface(
         return math.inf, math.inf
     back = np.linalg.inv(m)
     variance = few_parts(seen) * (back @ (scores.T @ scores) @ back)[0, 0]
-    return cost / total + middle / nine, variance
+    pixels = held * held / max(squares, 1e-12)
+    bare *= pixels / max(1.0, pixels - len(m))  # the fit has taken up some of what they were off
+    told = max(TOLD, 1.0 - bare * back[0, 0])
+    return cost / total + middle / nine, variance / told**2

@@ -98,6 +98,32 @@ def test_a_range_that_is_off_in_the_first_pair_is_mended_by_the_targets_own_patc
     assert away == pytest.approx(np.linalg.norm(target() - now[1].camera.C), abs=0.05)
 
 
+@pytest.mark.parametrize("off_m", [0.06, 0.09])
+def test_pairs_that_disagree_tell_no_pixel_as_if_they_agreed(
+    monkeypatch: pytest.MonkeyPatch, off_m: float
+) -> None:
+    """One of 180 was told to 0.7 px and lay 3.5 off: the new pair had its bleached face 7 cm too near."""
+    known, now = KnownPair(pair(-5.0)[0]), pair(-4.5, 0.9, 0.0, SUN, lost_pose(-4.5, 0.9, (0.4, -0.9), 5.0))
+    honest = spot_range.range_spot
+
+    def too_near(
+        view: StereoView, pixel: Array, expected_m: Sequence[float], off_px: float
+    ) -> PointMatch | None:
+        found = honest(view, pixel, expected_m, off_px)
+        if found is None or view is known.side.view:
+            return found
+        ray = (found.point - view.left_camera.C) / np.linalg.norm(found.point - view.left_camera.C)
+        sure = 0.005**2 * np.outer(ray, ray)
+        return replace(found, point=found.point - off_m * ray, covariance=sure, surface_covariance=sure)
+
+    monkeypatch.setattr(reacquisition, "range_spot", too_near)
+    monkeypatch.setattr(reacquisition, "OWN_SCORE", 2.0)  # in another light the own patch tells nothing
+    answer = reacquire(known, target(), lambda point: now[0])
+    if answer.accepted:
+        off_px = float(np.hypot(*(answer.pixel - now[1].camera.project(target()))))
+        assert off_px < max(1.0, 2.5 * answer.error_px)
+
+
 def test_a_target_that_only_the_left_picture_shows_is_looked_at_again() -> None:
     """Nine of nine targets of one world were refused so: at 2.1 m the right camera shows 105 px less."""
     known = KnownPair(pair(-5.0)[0])

@@ -87,6 +87,33 @@ def test_what_no_plane_explains_is_told_to_be_badly_known(pair: StereoView) -> N
     assert bad is None or (bad.disparity_px2 > 4.0 * good.disparity_px2 and bad.score < 0.5 * good.score)
 
 
+@pytest.mark.parametrize("bright", [0.03, 1.0])
+def test_bare_noise_tells_no_range(pair: StereoView, bright: float) -> None:
+    """Faces in a cast shadow and bleached ones were told to 0.2 px and lay up to 2 px off."""
+    rng = np.random.default_rng(11)
+    off, told = [], []
+    for _ in range(40):
+        left, right = (
+            np.clip(bright + rng.normal(0.0, 0.003, pair.left.shape), 0.0, 1.0).astype(np.float32)
+            for _ in range(2)
+        )
+        flat = replace(pair, left=left, right=right)
+        found = range_spot(flat, np.array([100.0, 90.0]), [NEAR_M * rng.uniform(0.95, 1.05)], 4.0)
+        if found is not None:
+            off.append(disparity(flat, found.point) - FOCAL * BASELINE_M / NEAR_M)
+            told.append(math.sqrt(found.disparity_px2))
+    astray = np.abs(off) > 3.0 * np.array(told)
+    assert astray.mean() < 0.05
+    assert np.median(told) > 1.0
+
+
+def test_texture_tells_a_range_in_spite_of_noise(pair: StereoView) -> None:
+    """What noise takes off is little where there is grain: 0.1 px is the least that is ever told."""
+    found = range_spot(pair, np.array([EDGE + 40.0, 90.0]), [NEAR_M], 4.0)
+    assert found is not None
+    assert found.disparity_px2 < 0.2**2
+
+
 def test_a_spot_keeps_to_the_range_that_is_expected(pair: StereoView) -> None:
     """A place 6 px of disparity beside that looks just like the spot's own is not asked."""
     spot = np.array([EDGE + 40.0, 90.0])
