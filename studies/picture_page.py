@@ -1,7 +1,7 @@
 """Real frames beside rendered ones, and a classifier that tells them apart: docs/results/pictures.md.
 
     .venv/bin/pip install -r studies/telling_apart.txt
-    .venv/bin/python -m studies.picture_page --out docs     ten minutes of one core
+    .venv/bin/python -m studies.picture_page --out docs     a quarter of an hour of one core
 
 Each real frame has rendered partners of its camera, height, tilt and, where its label tells it, sun, over
 terrains of their own: default and sandy look on ground without a geology, and ground of the geology that is

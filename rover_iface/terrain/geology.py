@@ -195,7 +195,7 @@ GEOLOGIES: Mapping[str, Geology] = MappingProxyType(
     }
 )
 """Grounds after those of Spirit, Opportunity, Curiosity and Perseverance, set by eye and by the classifier of
-`studies/picture_page.py` beside the frames of each and terrains of its seeds 71 and 72: rocks are darker and
+`studies/picture_page.py` beside the frames of each and terrains of seeds 71 to 79: rocks are darker and
 lighter than the soil's 0.25 by about the ratios in these."""
 
 
