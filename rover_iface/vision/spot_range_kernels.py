@@ -107,7 +107,7 @@ def fit_surface(
     disparity for each 1/m, `slant` the prior of the slopes in pixels of disparity per pixel.
 
     The variance is the sandwich of Liang and Zeger 1986 between the blocks of the window, by those pixels.
-    Gradients that noise makes are no part of what they tell (errors in variables, Fuller 1987): a window of
+    Gradients that noise makes are left out of what they tell (errors in variables, Fuller 1987): a window of
     bare noise seems to be known to 0.2 px otherwise, wherever it is looked for.
     """
     m, g, t = np.zeros((6, 6)), np.zeros(6), np.zeros(6)
