@@ -85,6 +85,14 @@ class Picture:
         levels = self.unit if self.bits == 8 else np.sqrt(self.unit)
         return np.asarray(np.round(255.0 * levels), dtype=np.uint8)
 
+    def __reduce__(self) -> tuple[Callable[..., Picture], tuple[npt.NDArray[np.float32], int, int]]:
+        """Return what another process gets: the image read out, as the camera stays here."""
+        return _read_out, (self.unit, self.bits, self.number)
+
+
+def _read_out(unit: npt.NDArray[np.float32], bits: int, number: int) -> Picture:
+    return Picture(lambda: unit, bits, number)
+
 
 @dataclass(frozen=True, slots=True)
 class Drive:
