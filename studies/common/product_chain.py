@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from rover_iface.cameras.linear import warp
 from rover_iface.cameras.model import CameraModel, ModelKind
 from rover_iface.simulator.render.picture import AutoExposure, Negative
 
@@ -103,7 +104,7 @@ class Product:
         if self.bits_per_pixel is not None:
             grey = wavelet_coded(grey, self.bits_per_pixel)
         if self.linearised:
-            grey = _resampled(grey, self.camera(camera), camera)
+            grey = warp(grey, self.camera(camera), camera)
         if self.mosaic:
             grey = through_mosaic(grey)
         return grey.astype(np.float32)
@@ -211,16 +212,3 @@ def fall_off(camera: CameraModel) -> npt.NDArray[np.float64]:
     axis = camera.O if camera.kind is ModelKind.CAHVORE else camera.A
     light = np.clip(rays @ (axis / np.linalg.norm(axis)), 0.0, 1.0) * angle
     return np.asarray(light / light.max())
-
-
-def _resampled(grey: Grey, taken: CameraModel, wanted: CameraModel) -> Grey:
-    """Return grey of one camera as another of the same centre sees it, linearly between pixels."""
-    import cv2
-
-    u, v = np.meshgrid(np.arange(wanted.width, dtype=float), np.arange(wanted.height, dtype=float))
-    origins, rays = wanted.back_project(np.stack((u, v), axis=-1))
-    at = taken.project(origins + 10.0 * rays).astype(np.float32)
-    return np.asarray(
-        cv2.remap(grey, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE),
-        dtype=np.float32,
-    )
