@@ -31,7 +31,7 @@ from rover_iface.vision.resection import resect
 from rover_iface.vision.sift_features import Descriptors, Features, detect, find_features, mutual
 from rover_iface.vision.sift_motion import Motion, settle
 from rover_iface.vision.spot_range import range_spot
-from rover_iface.vision.tracker import StereoView
+from rover_iface.vision.tracker import Image, StereoView
 
 NEAREST_M, ROW_PX = 1.0, 1.5
 """Least depth that stereo looks for, and how far a match may be from its epipolar line."""
@@ -65,6 +65,12 @@ are tried, those that are most alike in length first."""
 LEVEL_M, LEVEL_SHARE, LEVEL_APART_M = 0.25, 0.1, 0.4
 """How far two matches may differ in height and, with a share of it, in distance: what stereo at half scale
 errs at 8 m, three deviations. And how far apart they must be to tell a turn."""
+AROUND_PX, EVEN_SHARE, EVEN_DARK, EVEN_MOST = 8.0, 0.02, 0.004, 3.0
+"""Deviation of the window, pixels of half scale, against which features are detected; a contrast that counts
+as noise, as a share of the brightness, which is taken as one of 255 steps at least; and the deviations that
+are kept. Under one scale for all of a picture a bright sky left dark ground 6 right matches of 351 features
+that were in view; by windows of 8, 16 and 32 px they are 87, 70 and 68 (181691933, draped). On tuning seeds
+0 to 2 all are alike. Within 24 px of a sky of eight times its brightness ground keeps few features."""
 LookAt = Callable[[Array], StereoView]
 """Takes a pair with the mast pointed at a point (3,), m, in the frame in which the rover believes to be."""
 
@@ -253,7 +259,7 @@ def level_motion(
 
 
 def _halved(view: StereoView) -> StereoView:
-    """Return a pair at half its scale."""
+    """Return a pair at half its scale, its contrast even."""
     import cv2
 
     sides = []
@@ -262,9 +268,20 @@ def _halved(view: StereoView) -> StereoView:
         small = cv2.resize(
             image[: 2 * rows, : 2 * columns], (columns, rows), interpolation=cv2.INTER_AREA
         ).astype(np.float32)
-        sides.append((small, camera.window(0, 0, 2 * columns, 2 * rows).scaled(0.5)))
+        sides.append((_even(small), camera.window(0, 0, 2 * columns, 2 * rows).scaled(0.5)))
     (left, left_camera), (right, right_camera) = sides
     return StereoView(left, right, left_camera, right_camera, view.t_s, view.travelled_m)
+
+
+def _even(image: Image) -> Image:
+    """Return how far each pixel (rows, columns) is from the mean round it, in deviations of what is there."""
+    import cv2
+
+    image = np.nan_to_num(image)
+    mean = cv2.GaussianBlur(image, (0, 0), AROUND_PX)
+    square = cv2.GaussianBlur(image * image, (0, 0), AROUND_PX) - mean * mean
+    spread = np.sqrt(np.maximum(square, 0.0)) + EVEN_SHARE * np.maximum(mean, EVEN_DARK)
+    return np.asarray(np.clip((image - mean) / spread, -EVEN_MOST, EVEN_MOST), dtype=np.float32)
 
 
 @dataclass(frozen=True, eq=False)
