@@ -204,6 +204,29 @@ class Arm:
         k, branch = np.unravel_index(int(np.argmin(moves)), moves.shape)
         return Posture(found.joints[k, branch].copy(), ring)
 
+    def least_tilt(
+        self, points: npt.ArrayLike, normals: npt.ArrayLike, *, max_tilt_rad: float | None = None
+    ) -> Array:
+        """Return (n,) the angle that `solve` leaves between tool and normal at each of many places, rad;
+        infinity where the arm does not hold it within `max_tilt_rad` (the profile's when absent).
+
+        Surface points (n, 3), m, and outward unit normals (n, 3) in the rover frame.
+        """
+        at, up = (np.asarray(v, dtype=np.float64).reshape(-1, 3) for v in (points, normals))
+        tilts, offsets = _cone(
+            round(self.profile.max_tool_tilt_rad if max_tilt_rad is None else max_tilt_rad, 4)
+        )
+        least, left = np.full(len(at), np.inf), np.arange(len(at))
+        for ring in np.unique(tilts):
+            if not len(left):
+                break
+            bases = np.array([_basis(normal) for normal in up[left]])
+            axes = -np.einsum("ki,nij->nkj", offsets[tilts == ring], bases)
+            held = self.inverse(at[left, None], axes).allowed.any(axis=(1, 2))
+            least[left[held]] = ring
+            left = left[~held]
+        return least
+
     def _refusal(self, found: Postures, tilts: Array) -> ArmRefusal:
         """Return what limits most: nothing of the cone around the normal can be reached."""
         upper, fore, _ = self.profile.links_m

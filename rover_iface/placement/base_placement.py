@@ -1,10 +1,9 @@
 """Where the rover must stand to observe a target: the observation point.
 
 For a contact instrument the arm must reach the target with the tool along the surface normal, on ground the
-rover can stand on. The arm has five joints (azimuth, shoulder, elbow, wrist, turret): the tool moves in the
-vertical plane
-through shoulder and target, so the normal's angle out of that plane is what the arm cannot make good. For a
-remote instrument the rover stands at a distance with a free line of sight.
+rover can stand on. Forearm twist and wrist turn the tool to either side (`arm.Arm`), so a face need not look
+at the shoulder; a stand that it looks at is worth more, because from there it is seen. For a remote
+instrument the rover stands at a distance with a free line of sight.
 """
 
 from __future__ import annotations
@@ -20,7 +19,9 @@ from mission.instrument import Use
 from rover_iface.errors import PlacementError
 from rover_iface.frames import Pose, wrap_angle
 from rover_iface.mobility import Standing, belly_gap, settle
+from rover_iface.placement.arm import Arm, ArmRefusal
 from rover_iface.placement.room import room_to_stand
+from rover_iface.profile import Arm as ArmProfile
 from rover_iface.profile import RoverProfile
 from rover_iface.terrain.terrain import Terrain
 
@@ -28,6 +29,10 @@ Array = NDArray[np.floating]
 
 MARGIN_M = 0.03
 """Ground clearance that must be left under the body."""
+
+MOST_OVERHANG_RAD, MOST_LEAN_RAD = math.radians(110), math.radians(30)
+"""From straight down the tool may be turned so far towards the rover, under an overhang, and so far away from
+it, before the surface counts as looking away: from there no camera sees it."""
 
 REACH_SHARE = 0.95
 """Share of the arm's reach that a planned pose may use; the rest is for driving errors."""
@@ -119,14 +124,17 @@ def place_base(
     standing = Standing(*(np.full(len(x), np.nan) for _ in fields(Standing)))
     reach, tilt = np.full(len(x), np.nan), np.full(len(x), np.nan)
 
-    def rules_of(those: NDArray[np.intp] | slice, fit: Standing) -> tuple[Array, Array, list[_Rule]]:
-        """Return reach [k], tilt [k] and the rules of some candidates that stand on the ground like this."""
+    def rules_of(those: NDArray[np.intp] | slice, fit: Standing) -> tuple[Array, Array, Array, list[_Rule]]:
+        """Return reach [k], tilt [k], squint [k] and the rules of some candidates that stand on the ground
+        like this.
+        """
         there = x[those], y[those]
         if contact:
-            far, off, rules = _arm_rules(profile, here, up, *there, heading[those], fit)
+            far, off, squint, rules = _arm_rules(profile, here, up, *there, heading[those], fit)
         else:
             far, off, rules = _view_rules(profile, here, up, fit, *there, figures.standoff_m)
-        return far, off, [*_ground_rules(profile, fit, *there, keep_out), *rules]
+            squint = off
+        return far, off, squint, [*_ground_rules(profile, fit, *there, keep_out), *rules]
 
     def most(those: NDArray[np.intp]) -> Array:
         """Return what some candidates [k] are worth as their wheels stand; below 0 where they fall out."""
@@ -134,8 +142,8 @@ def place_base(
         fit = settle(terrain, profile, *there, belly=False)
         for field in fields(Standing):
             getattr(standing, field.name)[those] = getattr(fit, field.name)
-        reach[those], tilt[those], rules = rules_of(those, fit)
-        found = bound[those] * _score(profile, contact, fit, reach[those], tilt[those], _least(reach))
+        reach[those], tilt[those], squint, rules = rules_of(those, fit)
+        found = bound[those] * _score(profile, contact, fit, reach[those], squint, _least(reach))
         found[_any(rules)] = -1.0
         return found
 
@@ -158,7 +166,7 @@ def place_base(
     best = _best((x, y, heading), bound, most, share, count, FIRST_SETTLED if contact else len(x))
     if not best:
         whole = settle(terrain, profile, x, y, heading)
-        _, _, rules = rules_of(slice(None), whole)
+        *_, rules = rules_of(slice(None), whole)
         rules.append(_clearance_rule(whole))
         if not contact:
             rules.append(_sight_rule(terrain, profile, here, x, y, whole))
@@ -295,9 +303,10 @@ def check_observation_point(
     standing = settle(terrain, profile, x, y, heading)
     here = np.array([px, py, pz])
     if figures.contact:
-        reach, tilt, rules = _arm_rules(profile, here, up, x, y, heading, standing, share=1.0)
+        reach, tilt, squint, rules = _arm_rules(profile, here, up, x, y, heading, standing, share=1.0)
     else:
         reach, tilt, rules = _view_rules(profile, here, up, standing, x, y, figures.standoff_m)
+        squint = tilt
         rules.append(_sight_rule(terrain, profile, here, x, y, standing))
     off_terrain, *others = _ground_rules(profile, standing, x, y, keep_out)
     # Without a stand there are no figures for the others.
@@ -310,7 +319,7 @@ def check_observation_point(
             )
     behind = Pose(pose.x - math.cos(pose.heading), pose.y - math.sin(pose.heading))
     score = _from_there(behind, here, figures.contact, x, y, heading)
-    score *= _score(profile, figures.contact, standing, reach, tilt, _least(reach))
+    score *= _score(profile, figures.contact, standing, reach, squint, _least(reach))
     score *= _gap_share(profile, standing.belly_gap)
     score *= 0.3 + 0.7 * room_to_stand(terrain, profile, here, x, y, heading, standing)
     settled = Pose(
@@ -429,8 +438,10 @@ def _arm_rules(
     heading: Array,
     standing: Standing,
     share: float = REACH_SHARE,
-) -> tuple[Array, Array, list[_Rule]]:
-    """Return reach [n], angle between tool and normal [n], and the rules of the arm."""
+) -> tuple[Array, Array, Array, list[_Rule]]:
+    """Return reach [n], the angle that is left between tool and normal [n], how far the surface looks past
+    the shoulder [n], that angle at least, and the rules of the arm.
+    """
     arm = profile.arm
     rotation = _rotations(standing.roll, standing.pitch, heading)
     base = np.stack([x, y, standing.z], axis=-1)
@@ -442,13 +453,13 @@ def _arm_rules(
     # Normal of the arm's plane: horizontal in the rover frame, across the direction to the target.
     across = np.stack([-np.sin(azimuth), np.cos(azimuth), np.zeros_like(azimuth)], axis=-1)
     normal = np.einsum("nji,j->ni", rotation, up)
-    out_of_plane = np.arcsin(np.clip(np.abs(np.einsum("ni,ni->n", across, normal)), 0.0, 1.0))
-    # Within the plane the wrist turns the tool from straight down to level and 20 degrees beyond.
+    aside = np.arcsin(np.clip(np.abs(np.einsum("ni,ni->n", across, normal)), 0.0, 1.0))
     forward = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=-1)
     ahead = np.einsum("ni,ni->n", forward, normal)
     pitch = np.arctan2(-ahead, normal[:, 2])
-    beyond = np.maximum(0.0, np.maximum(pitch - math.radians(110), -pitch - math.radians(30)))
-    tilt = np.arccos(np.clip(np.cos(out_of_plane) * np.cos(beyond), -1.0, 1.0))
+    turned = np.maximum(0.0, np.maximum(pitch - MOST_OVERHANG_RAD, -pitch - MOST_LEAN_RAD))
+    squint = np.arccos(np.clip(np.cos(aside) * np.cos(turned), -1.0, 1.0))
+    away = np.arccos(np.clip(np.cos(aside) ** 2 * np.cos(turned) + np.sin(aside) ** 2, -1.0, 1.0))
     safe = np.where(np.isnan(reach), np.inf, reach)
     low, high = arm.workspace_height_m
     nearest = float(safe.min())
@@ -485,15 +496,27 @@ def _arm_rules(
             ),
         ),
         _Rule(
-            "normal",
-            tilt > arm.max_tool_tilt_rad,
+            "face",
+            away > arm.max_tool_tilt_rad,
             lambda: (
-                f"the tool would stand {math.degrees(_least(tilt)):.0f} degrees or more off the "
-                f"surface normal; {math.degrees(arm.max_tool_tilt_rad):.0f} are allowed"
+                f"the surface looks {math.degrees(_least(away)):.0f} degrees or more away from the rover; "
+                f"{math.degrees(arm.max_tool_tilt_rad):.0f} are allowed"
             ),
         ),
     ]
-    return reach, tilt, rules
+    place = np.einsum("nji,ni->nj", rotation, point - base)
+    able = np.isfinite(reach) & ~_any(rules)
+    tilt = np.full(len(reach), np.inf)
+    tilt[able] = Arm(arm).least_tilt(place[able], normal[able])
+    best = int(np.argmin(np.where(able, safe, np.inf)))
+    rules.append(_Rule("normal", able & np.isinf(tilt), lambda: _unheld(arm, place[best], normal[best])))
+    return reach, tilt, np.maximum(tilt, squint), rules
+
+
+def _unheld(arm: ArmProfile, point: Array, normal: Array) -> str:
+    """Return why the arm does not hold the tool along a normal (3,) at a point (3,), rover frame, m."""
+    answer = Arm(arm).solve(point, normal)
+    return answer.reason if isinstance(answer, ArmRefusal) else ""
 
 
 def _view_rules(
@@ -564,13 +587,14 @@ def _score(
     contact: bool,
     standing: Standing,
     reach: Array,
-    tilt: Array,
+    squint: Array,
     nearest_m: float,
 ) -> Array:
     """Return how well each candidate stands for its instrument, 0 to 1: a product of terms that are 1 when
     ideal.
 
-    `nearest_m` is the least reach of all candidates, also of those that are not asked about.
+    `squint` [n] is the angle, rad, by which the surface looks past it. `nearest_m` is the least reach of all
+    candidates, also of those that are not asked about.
     """
     mobility = profile.mobility
     level = 1.0 - 0.6 * np.clip(standing.slope / mobility.max_slope_rad, 0, 1) ** 2
@@ -579,10 +603,10 @@ def _score(
         arm = profile.arm
         middle = (arm.min_reach_m + arm.reach_m) / 2
         fit = 1.0 - 0.5 * np.clip(np.abs(reach - middle) / ((arm.reach_m - arm.min_reach_m) / 2), 0, 1) ** 2
-        tool = 1.0 - 0.5 * np.clip(tilt / arm.max_tool_tilt_rad, 0, 1) ** 2
+        tool = 0.5 ** ((squint / arm.max_tool_tilt_rad) ** 2)
     else:
         fit = 1.0 - 0.2 * np.clip(reach / max(1e-6, nearest_m) - 1.0, 0, 1)
-        tool = 0.4 + 0.6 * np.cos(np.clip(tilt, 0, math.pi / 2))
+        tool = 0.4 + 0.6 * np.cos(np.clip(squint, 0, math.pi / 2))
     score: Array = level * flat * fit * tool
     score[np.isnan(score)] = 0.0
     return score

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rover_iface.frames import Transform
-from rover_iface.placement.arm import Arm
+from rover_iface.placement.arm import Arm, ArmRefusal
 from rover_iface.placement.arm_motion import LINKS, Motion
 from rover_iface.profile.parts import Arm as ArmFigures
 from rover_iface.simulator.render.scene import Scene
@@ -96,16 +96,27 @@ def press(scene: Scene, profile: ArmFigures, at_standoff: Transform) -> Touch:
     return Touch(True, "", point, stopped, beyond)
 
 
-def over(point: Array, normal: Array, standoff_m: float) -> Transform:
-    """Return the pose of a tool (axis x) at its stand-off over a surface point (3,), against its unit normal
-    (3,).
+def held(scene: Scene, arm: Arm, site_from_rover: Transform, point: Array, normal: Array) -> Transform | str:
+    """Return the pose of the tool at its stand-off over a surface point (3,) with the outward unit normal
+    (3,), site frame, m, or why the arm cannot hold it there.
 
-    Site frame, m.
+    Of the postures from which the tool can be moved to the surface, one in which no link meets the ground.
     """
-    axis = -np.asarray(normal, dtype=np.float64) / np.linalg.norm(normal)
-    side = np.cross(axis, (0.0, 0.0, 1.0) if abs(axis[2]) < 0.9 else (1.0, 0.0, 0.0))
-    side /= np.linalg.norm(side)
-    return Transform(np.stack((axis, side, np.cross(axis, side)), axis=1), point - standoff_m * axis)
+    rover_from_site = site_from_rover.inverse()
+    at = np.asarray(rover_from_site.apply(point), dtype=np.float64)
+    found = arm.solve(at, rover_from_site.rotate(normal))
+    if isinstance(found, ArmRefusal):
+        return found.reason
+    axis = arm.tool_axis(found.joints)
+    ways = arm.inverse(np.stack((at - arm.profile.standoff_m * axis, at)), np.stack((axis, axis)))
+    branches = np.flatnonzero(ways.allowed.all(axis=0))
+    hit = f"the arm does not reach the stand-off {100 * arm.profile.standoff_m:.0f} cm above the surface"
+    for branch in branches:
+        joints = ways.joints[0, branch]
+        hit = links_hit(scene, arm, site_from_rover, joints)
+        if not hit:
+            return site_from_rover * arm.tool_pose(joints)
+    return hit
 
 
 def links_hit(scene: Scene, arm: Arm, site_from_rover: Transform, joints: npt.ArrayLike) -> str:

@@ -22,7 +22,7 @@ from rover_iface.behaviour.hardware import (
 )
 from rover_iface.cameras.model import Array, CameraModel, pinhole
 from rover_iface.cameras.rig import rig_of
-from rover_iface.errors import RenderError
+from rover_iface.errors import PlacementError, RenderError
 from rover_iface.frames import Pose
 from rover_iface.navigation.navigator import Way
 from rover_iface.navigation.sensor import StereoSensor
@@ -32,7 +32,7 @@ from rover_iface.placement.base_placement import check_observation_point
 from rover_iface.profile import RoverProfile
 from rover_iface.side_by_side import side_by_side
 from rover_iface.simulator.body import Body
-from rover_iface.simulator.contact import over, place_tool, press
+from rover_iface.simulator.contact import held, place_tool, press
 from rover_iface.simulator.engine import milliseconds
 from rover_iface.simulator.microscope import close_up
 from rover_iface.simulator.render.picture import Frame, Negative
@@ -218,8 +218,8 @@ class SimulatedHardware:
     # ---- arm
 
     def reach(self, target: str, point: Array, instrument: str) -> Contact:
-        """See `Hardware`; the tool goes along the normal of the true ground to where its contact sensors
-        touch.
+        """See `Hardware`; the arm holds the tool along the normal of the true ground, or as near as it can,
+        and moves it to where its contact sensors touch.
         """
         body = self.body
         place = np.asarray(body.true_from_believed.apply(point), dtype=np.float64)
@@ -229,7 +229,10 @@ class SimulatedHardware:
         )
         normal = np.asarray(body.terrain.normal(spot[0], spot[1], 0.08), dtype=np.float64)
         arm = body.profile.arm
-        touch = press(body.renderer.scene, arm, over(place, normal, arm.standoff_m))
+        tool = held(body.renderer.scene, Arm(arm), body.pose.site_from_rover, place, normal)
+        if isinstance(tool, str):
+            raise PlacementError(f"target {target}: {tool}")
+        touch = press(body.renderer.scene, arm, tool)
         believed_from_true = body.true_from_believed.inverse()
         at = np.asarray(believed_from_true.apply(touch.point), dtype=np.float64)
         if not touch.made:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -16,7 +17,7 @@ from rover_iface.frames import Transform
 from rover_iface.placement.arm import Arm, ArmLimit, ArmRefusal, Posture
 from rover_iface.placement.arm_motion import Motion, Obstacles, clearances, plan_motion
 from rover_iface.profile import load_profile
-from rover_iface.simulator.contact import place_tool
+from rover_iface.simulator.contact import held, place_tool
 from rover_iface.simulator.microscope import close_up
 from rover_iface.simulator.render.renderer import Renderer, Sun
 from rover_iface.simulator.render.scene import Material, Scene, SceneMesh
@@ -208,6 +209,59 @@ def test_a_surface_that_is_not_where_it_was_thought_stops_the_tool(height: float
     touch = place_tool(slab(height), ARM, Transform.identity(), way, rng=np.random.default_rng(0))
     assert not touch.made
     assert words in touch.reason
+
+
+def body(low: tuple[float, float, float], high: tuple[float, float, float]) -> Scene:
+    """Return a box between two corners, m."""
+    vertices = np.array(list(itertools.product(*zip(low, high, strict=True))))
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    triangles = np.array([t for a, b, c, d in faces for t in ((a, b, c), (a, c, d))])
+    return Scene([SceneMesh(vertices, triangles, material=Material.ROCK)])
+
+
+def test_the_tool_is_held_along_the_normal_of_a_face_that_looks_aside() -> None:
+    point, normal = np.array((0.95, 0.0, 0.25)), np.array((0.0, 1.0, 0.0))
+    tool = held(body((0.85, -1.0, -1.0), (2.0, 0.0, 0.35)), ARM, Transform.identity(), point, normal)
+    assert isinstance(tool, Transform)
+    assert tool.rotation[:, 0] == pytest.approx(-normal)
+    assert tool.translation == pytest.approx(point + PROFILE.arm.standoff_m * normal)
+
+
+def test_a_tool_is_not_held_where_a_link_would_meet_the_ground() -> None:
+    point, normal = np.array((0.62, 0.0, 0.35)), np.array((1.0, 0.0, 0.0))
+    low_wall = body((0.58, -1.0, -1.0), (0.62, 1.0, 0.37))
+    assert isinstance(held(low_wall, ARM, Transform.identity(), point, normal), Transform)
+    refused = held(body((0.58, -1.0, -1.0), (0.62, 1.0, 1.5)), ARM, Transform.identity(), point, normal)
+    assert isinstance(refused, str)
+    assert "touched the ground" in refused
+
+
+def test_what_the_joints_do_not_reach_is_not_held() -> None:
+    refused = held(slab(0.0), ARM, Transform.identity(), np.array((1.6, 0.0, 0.2)), np.array((0.0, 0.0, 1.0)))
+    assert isinstance(refused, str)
+    assert "it reaches 0.65 m" in refused
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    st.floats(0.3, 0.85),
+    st.floats(-1.2, 1.2),
+    st.floats(-0.1, 0.6),
+    st.floats(0.0, 1.5),
+    st.floats(-3.1, 3.1),
+)
+def test_the_least_tilt_of_many_places_is_that_of_each(
+    away: float, turn: float, height: float, slope: float, face: float
+) -> None:
+    points = ARM.shoulder + np.array(
+        [[away * math.cos(turn), away * math.sin(turn), height - 0.42], [0.5, 0.0, 0.0]]
+    )
+    normals = np.array(
+        [[math.sin(slope) * math.cos(face), math.sin(slope) * math.sin(face), math.cos(slope)]] * 2
+    )
+    for point, normal, tilt in zip(points, normals, ARM.least_tilt(points, normals), strict=True):
+        found = ARM.solve(point, normal)
+        assert (found.tool_tilt_rad if isinstance(found, Posture) else math.inf) == tilt
 
 
 def test_the_imager_shows_fifty_micron_and_merges_what_lies_in_different_planes() -> None:

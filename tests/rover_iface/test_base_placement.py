@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 
 import numpy as np
@@ -13,6 +14,7 @@ from rover_iface.errors import OutsideTerrainError, PlacementError, ProfileError
 from rover_iface.frames import Pose
 from rover_iface.mobility import settle, settled_pose
 from rover_iface.placement import base_placement, check_observation_point, place_base
+from rover_iface.placement.arm import Arm, Posture
 from rover_iface.placement.base_placement import inside_polygon
 from rover_iface.placement.room import room_to_stand
 from rover_iface.profile import load_profile
@@ -92,13 +94,46 @@ def test_the_best_pose_is_on_the_side_the_rover_comes_from() -> None:
     assert best.pose.x > 5.0
 
 
-def test_a_steep_face_is_approached_so_that_the_tool_stands_on_it() -> None:
-    """A face that looks north-west is reached only from where the arm's plane holds its normal."""
+def test_a_steep_face_is_approached_from_the_side_that_it_looks_to() -> None:
+    """A face that looks north-west."""
     normal = np.array([-0.6, 0.6, 0.53])
-    for found in place_base(plane(), K9, (4.0, 0.0, 0.2), normal):
+    best, *others = place_base(plane(), K9, (4.0, 0.0, 0.2), normal)
+    for found in (best, *others):
         assert found.tool_tilt_rad <= K9.arm.max_tool_tilt_rad
-        side = np.array([found.pose.x - 4.0, found.pose.y])
-        assert float(side @ normal[:2]) > 0
+    side = np.array([best.pose.x - 4.0, best.pose.y])
+    assert float(side @ normal[:2]) > 0
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.floats(0.0, 1.4), st.floats(-1.5, 1.5), st.floats(0.35, 0.6), st.floats(0.1, 0.3))
+def test_a_face_is_in_reach_where_the_joints_hold_the_tool_on_it(
+    slope: float, aside: float, away: float, height: float
+) -> None:
+    """The twist of the forearm turns the tool to either side: no plane of the arm has to hold the normal."""
+    point = (K9.arm.shoulder_m[0] + away, 0.1, height)
+    normal = np.array(
+        [-math.sin(slope) * math.cos(aside), math.sin(slope) * math.sin(aside), math.cos(slope)]
+    )
+    held = isinstance(by_joints := Arm(K9.arm).solve(point, normal), Posture)
+    tilt_rad = math.nan
+    with contextlib.suppress(PlacementError):
+        tilt_rad = check_observation_point(plane(0.0, 0.0), K9, Pose(0.0, 0.0), point, normal).tool_tilt_rad
+    assert held is not math.isnan(tilt_rad)
+    assert not held or tilt_rad == pytest.approx(by_joints.tool_tilt_rad)
+
+
+def test_a_face_across_the_arm_is_in_reach_and_one_that_looks_away_is_not() -> None:
+    point, here = (0.9, 0.0, 0.25), Pose(0.0, 0.0)
+    across = check_observation_point(plane(0.0, 0.0), K9, here, point, (-0.1, 0.98, 0.17))
+    assert across.tool_tilt_rad == 0.0
+    assert across.score < check_observation_point(plane(0.0, 0.0), K9, here, point, (-0.98, 0.1, 0.17)).score
+    with pytest.raises(PlacementError, match="degrees or more away from the rover"):
+        check_observation_point(plane(0.0, 0.0), K9, here, point, (0.98, 0.1, 0.17))
+
+
+def test_a_normal_that_the_joints_do_not_hold_is_refused_with_the_joint() -> None:
+    with pytest.raises(PlacementError, match="the wrist would have to be"):
+        check_observation_point(plane(0.0, 0.0), K9, Pose(0.0, 0.0), (1.15, 0.1, 0.5), (0.0, 0.0, 1.0))
 
 
 def test_out_of_reach_is_refused_with_both_figures() -> None:
