@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import functools
 import json
 import shutil
 from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
 import schemathesis
+from fastapi import FastAPI
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis.strategies import booleans
 from schemathesis.checks import not_a_server_error
@@ -26,7 +28,7 @@ from ground.api import jobs_answer
 from ground.app.api import build_api
 from ground.app.service import build_app
 from ground.cli.openapi import document_text
-from ground.gdr.repository import open_repository
+from ground.gdr.repository import Repository, open_repository
 from ground.resources.keep_outs.bodies import KeepOutCreate
 from ground.resources.keep_outs.create_keep_out import create_keep_out
 from ground.resources.observation_requests.bodies import ObservationRequestCreate
@@ -49,18 +51,15 @@ CHECKS = [
 ]
 
 
-@pytest.fixture(scope="module", params=["sqlite", pytest.param("postgresql", marks=pytest.mark.postgres)])
-def schema(
-    request: pytest.FixtureRequest, terrain_folder: Path, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[Any]:
-    folder = tmp_path_factory.mktemp("fuzz")
-    address = ""
-    if request.param == "sqlite":
-        shutil.copyfile(request.getfixturevalue("sqlite_template"), folder / "outcrop.db")
-    else:
-        server: PostgresServer = request.getfixturevalue("postgres")
-        address = server.clone()
-    repo = open_repository(settings_for(folder, address))
+@dataclass(frozen=True)
+class Asked:
+    """A service and the ids of what is in it."""
+
+    app: FastAPI
+    known: dict[str, str]
+
+
+def _service(repo: Repository, terrain_folder: Path) -> Asked:
     ensure_profiles(repo)
     mission = yard(repo, terrain_folder)
     target = create_target(repo, PLANNER, mission.id, TargetCreate(east_m=4.0, north_m=1.0))
@@ -77,69 +76,97 @@ def schema(
         "observation_request_id": asked.id,
         "keep_out_id": keep_out.id,
     }
-    app = build_app(repo, with_worker=False)
-    small = functools.cache(lambda: terrain.generate_terrain(7, 48.0))
+    return Asked(build_app(repo, with_worker=False), known)
+
+
+@pytest.fixture(scope="module")
+def at_length(request: pytest.FixtureRequest) -> bool:
+    """Whether what is slow is wanted: many questions, and PostgreSQL asked as well."""
+    return "not slow" not in request.config.getoption("markexpr")
+
+
+@pytest.fixture(scope="module")
+def services(
+    request: pytest.FixtureRequest,
+    at_length: bool,
+    sqlite_template: Path,
+    terrain_folder: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Iterator[list[Asked]]:
+    """Give the service on each database."""
+    folder = tmp_path_factory.mktemp("fuzz")
+    shutil.copyfile(sqlite_template, folder / "outcrop.db")
+    address = ""
+    if at_length:
+        with suppress(pytest.skip.Exception):  # no server here; in CI its absence is a failure
+            server: PostgresServer = request.getfixturevalue("postgres")
+            address = server.clone()
+    repos = [open_repository(settings_for(folder))]
+    if address:
+        repos.append(open_repository(settings_for(tmp_path_factory.mktemp("fuzz"), address)))
+    small = terrain.generate_terrain(7, 48.0)
     with (
         pytest.MonkeyPatch.context() as patch
     ):  # what a seed gives has its tests elsewhere, and takes seconds
-        small()
         patch.setattr(jobs_answer, "MAX_WAIT_S", 0.5)  # of the 30 s of an example: there is no worker
-        patch.setattr(terrain, "generate_terrain", lambda *_seed_and_size, **_options: small())
-        loaded = schemathesis.openapi.from_asgi("/api/v1/openapi.json", app)
-        # Made-up keys and sessions would be refused before anything else is asked.
-        loaded.config.generation.with_security_parameters = False
-        yield loaded, known
-    repo.database.dispose()
+        patch.setattr(terrain, "generate_terrain", lambda *_seed_and_size, **_options: small)
+        yield [_service(repo, terrain_folder) for repo in repos]
+    for repo in repos:
+        repo.database.dispose()
     if address:
         server.drop(address)
 
 
-@pytest.mark.parametrize("schema", ["sqlite"], indirect=True)
+@pytest.fixture(scope="module")
+def document(services: list[Asked]) -> Any:
+    """Give the document as schemathesis reads it."""
+    loaded = schemathesis.openapi.from_asgi("/api/v1/openapi.json", services[0].app)
+    # Made-up keys and sessions would be refused before anything else is asked.
+    loaded.config.generation.with_security_parameters = False
+    return loaded
+
+
 @pytest.mark.parametrize(("method", "path"), OPERATIONS, ids=lambda value: value)
-def test_every_answer_is_as_the_document_says(schema: Any, method: str, path: str) -> None:
-    probe(schema, method, path, examples=3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("method", "path"), OPERATIONS, ids=lambda value: value)
-def test_every_answer_is_as_the_document_says_at_length(schema: Any, method: str, path: str) -> None:
-    probe(schema, method, path, examples=25)
-
-
-def probe(schema: Any, method: str, path: str, *, examples: int) -> None:
-    """Ask one operation many things."""
-    document, known = schema
-    operation = document[path][method]
+def test_every_answer_is_as_the_document_says(
+    document: Any, services: list[Asked], at_length: bool, method: str, path: str
+) -> None:
+    """What is asked is made up once for all databases, which takes longer than the answers."""
 
     @settings(
-        max_examples=examples,
+        max_examples=25 if at_length else 3,
         deadline=None,
         derandomize=True,
         database=None,
         phases=[Phase.generate],
         suppress_health_check=list(HealthCheck),
     )
-    @given(case=operation.as_strategy(), real=booleans(), free=booleans())
+    @given(case=document[path][method].as_strategy(), real=booleans(), free=booleans())
     def ask(case: schemathesis.Case, real: bool, free: bool) -> None:
-        for name in case.path_parameters or {}:
-            if (
-                real and name in known and not path.endswith("/events")
-            ):  # a stream of what is there has no end
-                case.path_parameters[name] = known[name]
         if free and method in {"PATCH", "DELETE"}:
             case.headers = {**(case.headers or {}), "If-Match": "*"}
         if method == "DELETE" and real:
             return  # what the other operations are asked about stays
-        response = case.call(timeout=300.0)  # a panorama may be painted on a busy machine
-        case.validate_response(response, checks=CHECKS)
-        if response.status_code >= 400:
-            assert response.headers["content-type"] == ["application/problem+json"]
-            problem = response.json()
-            assert problem["status"] == response.status_code
-            assert problem["type"].startswith("urn:outcrop:problem:")
-            assert problem["detail"]
+        for service in services:
+            for name in case.path_parameters or {}:
+                if (
+                    real and name in service.known and not path.endswith("/events")
+                ):  # a stream of what is there has no end
+                    case.path_parameters[name] = service.known[name]
+            # A panorama may be painted on a busy machine.
+            judge(case, case.call(app=service.app, timeout=300.0))
 
     ask()
+
+
+def judge(case: schemathesis.Case, response: schemathesis.Response) -> None:
+    """Hold an answer to the document, and a refusal to the form of all refusals."""
+    case.validate_response(response, checks=CHECKS)
+    if response.status_code >= 400:
+        assert response.headers["content-type"] == ["application/problem+json"]
+        problem = response.json()
+        assert problem["status"] == response.status_code
+        assert problem["type"].startswith("urn:outcrop:problem:")
+        assert problem["detail"]
 
 
 def test_operation_ids_are_unique_and_every_operation_says_what_it_does() -> None:
