@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import pytest
 
 from ground.gdr.repository import Repository
 from ground.resources.mission_merges import compared
-from ground.resources.mission_setup.create_mission import FolderTerrain
+from ground.resources.mission_setup.create_mission import FolderTerrain, create_mission
 from ground.versions.merge import Take
-from studies.mission_merges import BAD, study
+from studies.mission_merges import BAD, PEOPLE, pairs_of, study
 
 
 def test_no_edit_is_lost_without_a_named_conflict(repo: Repository, terrain_folder: Path) -> None:
@@ -49,5 +51,6 @@ def test_the_study_finds_a_merge_that_loses_edits(
         monkeypatch.setattr("ground.resources.mission_merges.read_sides.fields_of", _drop_orders)
     else:
         monkeypatch.setattr("ground.resources.mission_merges.apply_merge.REMOVED", ())
-    ground = FolderTerrain(terrain_folder)
-    assert study(sqlite_repo, 20, 20261123, ground)[1] != []
+    source = create_mission(sqlite_repo, PEOPLE[0], name="Source", source=FolderTerrain(terrain_folder)).id
+    pairs = pairs_of(sqlite_repo, source, 20, Random(20261123), Counter())
+    assert any(pair.faults for pair in pairs)  # it looks no further than the first
