@@ -496,10 +496,11 @@ def _arm_rules(
             ),
         ),
         _Rule(
-            "face",
+            "normal",
             away > arm.max_tool_tilt_rad,
             lambda: (
-                f"the surface looks {math.degrees(_least(away)):.0f} degrees or more away from the rover; "
+                f"the tool would stand {math.degrees(_least(away)):.0f} degrees or more off the surface "
+                "normal, which looks away from the rover; "
                 f"{math.degrees(arm.max_tool_tilt_rad):.0f} are allowed"
             ),
         ),
@@ -509,7 +510,7 @@ def _arm_rules(
     tilt = np.full(len(reach), np.inf)
     tilt[able] = Arm(arm).least_tilt(place[able], normal[able])
     best = int(np.argmin(np.where(able, safe, np.inf)))
-    rules.append(_Rule("normal", able & np.isinf(tilt), lambda: _unheld(arm, place[best], normal[best])))
+    rules.append(_Rule("joints", able & np.isinf(tilt), lambda: _unheld(arm, place[best], normal[best])))
     return reach, tilt, np.maximum(tilt, squint), rules
 
 

@@ -127,7 +127,7 @@ def test_a_face_across_the_arm_is_in_reach_and_one_that_looks_away_is_not() -> N
     across = check_observation_point(plane(0.0, 0.0), K9, here, point, (-0.1, 0.98, 0.17))
     assert across.tool_tilt_rad == 0.0
     assert across.score < check_observation_point(plane(0.0, 0.0), K9, here, point, (-0.98, 0.1, 0.17)).score
-    with pytest.raises(PlacementError, match="degrees or more away from the rover"):
+    with pytest.raises(PlacementError, match="which looks away from the rover"):
         check_observation_point(plane(0.0, 0.0), K9, here, point, (0.98, 0.1, 0.17))
 
 
