@@ -1,7 +1,7 @@
 """A learned descriptor of patches against SIFT: see docs/results/tracking.md.
 
-    python -m studies.learned_matcher pairs --worlds 14            # patches of training seeds
-    python -m studies.learned_matcher train --minutes 8            # needs studies/learned_matcher.txt
+    python -m studies.learned_matcher pairs --worlds 11            # patches of training seeds
+    python -m studies.learned_matcher train --minutes 7            # needs studies/learned_matcher.txt
     python -m studies.learned_matcher table --worlds 10 --out docs # fresh seeds, printed; writes the table
     python -m studies.learned_matcher table --worlds 4 --tuning    # seeds that ratios were set on;
     writes nothing

@@ -239,6 +239,8 @@ class Sums:
     posed, misled, sights
         Sights whose pose enough matches agree on and that has the targets within reach of the patches; those
         of which the agreed pose has not; and all.
+    seconds, agree
+        Of each sight: processor time, and matches that agree on a pose where one is asked.
     """
 
     right: int = 0
@@ -249,6 +251,7 @@ class Sums:
     misled: int = 0
     sights: int = 0
     seconds: list[float] = field(default_factory=list)
+    agree: list[int] = field(default_factory=list)
 
 
 PRECISE = 0.95
@@ -266,6 +269,7 @@ def sums(found: list[Outcome]) -> Sums:
             total.shown + one.shown,
         )
         total.seconds.append(one.seconds)
+        total.agree += [] if one.agree is None else [one.agree]
         if one.agree is not None and one.target_px is not None and one.agree >= limits.least_features:
             total.posed += one.target_px <= reach_px
             total.misled += one.target_px > reach_px

@@ -78,8 +78,8 @@ def report_table(found: Found) -> str:
                     f"{precise:.1f}",
                     f"{100 * total.curve:.1f}",
                     "" if name == SIFT else f"{more} of {total.sights}",
-                    f"{total.posed} of {total.sights}" if asked else "",
-                    f"{total.misled}" if asked else "",
+                    f"{np.median(total.agree):.0f} / {min(total.agree)}" if asked else "",
+                    f"{total.posed} of {total.sights}, {total.misled}" if asked else "",
                     f"{np.median(total.seconds):.2f}",
                 ]
             )
@@ -87,10 +87,11 @@ def report_table(found: Found) -> str:
     head += [
         "right at 95 % precision, %",
         "more right than the product",
-        "poses within reach",
-        "poses beyond",
+        "agree on a pose: median / least",
+        "poses within reach, beyond",
+        "s of processor, median",
     ]
-    return table([*head, "s of processor, median"], lines)
+    return table(head, lines)
 
 
 def make_table(arguments: argparse.Namespace) -> None:

@@ -56,9 +56,7 @@ def rivals_of(points: Array, radius_m: Array, world: npt.NDArray[np.int64]) -> n
     """
     apart = np.linalg.norm(points[:, None] - points[None], axis=2)
     near = apart < OVERLAP * np.maximum(radius_m[:, None], radius_m[None])
-    same = near & (world[:, None] == world[None])
-    np.fill_diagonal(same, True)
-    return ~same
+    return ~near | (world[:, None] != world[None])
 
 
 class Corpus:
