@@ -43,7 +43,7 @@ from rover_iface.vision.trackers import make_tracker
 from studies.common.domain_split import Seeds, reporting, tuning
 from studies.common.pages import table, write_section
 from studies.common.perception_worlds import Shot
-from studies.common.reacquisition_worlds import ASIDES, Trial, view_of
+from studies.common.reacquisition_worlds import ASIDES, LATER_S, Trial, view_of
 from studies.common.tracking_worlds import Array
 from studies.domains import DOMAINS, RENDERED, SHARED
 
@@ -79,7 +79,7 @@ class Looks:
     def view(self, number: int) -> StereoView:
         """Return one of the pairs."""
         if number not in self.views:
-            self.views[number] = view_of(self.trial.pair(number))
+            self.views[number] = view_of(self.trial.pair(number), LATER_S)
         return self.views[number]
 
     def __call__(self, point: Array) -> StereoView:

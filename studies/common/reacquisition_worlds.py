@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mission.soltime import sun_direction
+from mission.soltime import SOL_S, sun_direction
 from rover_iface.frames import Pose, Transform
 from rover_iface.simulator.render.renderer import Sun
 from rover_iface.vision.tracker import StereoView
@@ -28,6 +28,7 @@ WHOLE = (1024, 768)
 NEAREST_M, FARTHEST_M, SHARE = 2.0, 8.0, 0.10
 LOST_M, LOST_RAD = 1.0, math.radians(15.0)
 HOURS, LOWEST_RAD = 4.0, math.radians(20.0)
+LATER_S = HOURS / 24.0 * SOL_S
 ASIDES = (0.0, math.radians(36.0), -math.radians(36.0))
 """How far to either side the mast looks if it is asked to: frames of 49 degrees overlap by 13."""
 TARGETS = 3
@@ -98,10 +99,10 @@ class Trial:
         self.paint.close()
 
 
-def view_of(pair: tuple[Shot, Shot]) -> StereoView:
-    """Return a pair with its cameras as the rover believes them to be."""
+def view_of(pair: tuple[Shot, Shot], t_s: float = 0.0) -> StereoView:
+    """Return a pair taken at a time, s, with its cameras as the rover believes them to be."""
     left, right = pair
-    return StereoView(left.unit, right.unit, left.told, right.told)
+    return StereoView(left.unit, right.unit, left.told, right.told, t_s)
 
 
 def suns(rng: np.random.Generator) -> tuple[Sun, Sun]:

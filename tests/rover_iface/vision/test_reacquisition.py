@@ -10,6 +10,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from mission.soltime import SOL_S
 from rover_iface.cameras.model import Array
 from rover_iface.cameras.stereo import PointMatch
 from rover_iface.errors import TrackerError
@@ -72,6 +73,38 @@ def test_a_target_is_found_to_a_pixel_after_a_lost_pose_in_another_light(turn_de
     assert np.hypot(*(answer.pixel - left.camera.project(target()))) < 1.0
     away = answer.position - now.left_camera.C
     assert np.linalg.norm(away) == pytest.approx(np.linalg.norm(target() - left.camera.C), abs=0.05)
+
+
+def told(x: float, y: float, sun: Sun, t_s: float) -> tuple[Array, Array]:
+    """Return how far a pose puts the target off, px (2,), and what it tells of that (2, 2)."""
+    known, now = KnownPair(pair(-5.0)[0]), replace(pair(x, y, 0.0, sun)[0], t_s=t_s)
+    rough = known.pose(now)
+    assert not isinstance(rough, str), rough
+    sharp = reacquisition.sharpened(known, target(), now, rough)
+    assert not isinstance(sharp, str), sharp
+    place, covariance = sharp[0].at(target(), np.zeros((3, 3)))
+    jacobian = now.left_camera.jacobian(place)
+    return jacobian @ (place - target()), jacobian @ covariance @ jacobian.T
+
+
+def test_a_pose_holds_what_changed_light_moves_on_all_patches_alike() -> None:
+    """Lost poses and targets that are carried along were told as if the sun stood still, 0.1 px for 0.4."""
+    total = 0.0
+    for x, y in ((-4.5, 0.4), (-4.2, 0.0), (-4.8, 0.7)):
+        off, covariance = told(x, y, LATER, 4.0 / 24.0 * SOL_S)
+        total += float(off @ np.linalg.solve(covariance, off))
+    assert total < 22.46  # 99.9 % of chi square with six degrees of freedom
+
+
+def test_a_pose_of_a_minute_ago_is_told_as_sharp_as_its_patches_have_it() -> None:
+    off, covariance = told(-4.5, 0.4, SUN, 60.0)
+    assert math.sqrt(float(np.linalg.eigvalsh(covariance)[-1])) < 0.12
+    assert float(off @ np.linalg.solve(covariance, off)) < 13.82  # 99.9 %, two
+
+
+def test_pairs_without_a_time_tell_no_light_of_one_sun() -> None:
+    covariance = told(-4.5, 0.4, SUN, 0.0)[1]
+    assert float(np.linalg.eigvalsh(covariance)[0]) > reacquisition.LIGHT_PX**2
 
 
 def test_a_range_that_is_off_in_the_first_pair_is_mended_by_the_targets_own_patch(
