@@ -213,19 +213,30 @@ class Arm:
         Surface points (n, 3), m, and outward unit normals (n, 3) in the rover frame.
         """
         at, up = (np.asarray(v, dtype=np.float64).reshape(-1, 3) for v in (points, normals))
-        tilts, offsets = _cone(
-            round(self.profile.max_tool_tilt_rad if max_tilt_rad is None else max_tilt_rad, 4)
-        )
-        least, left = np.full(len(at), np.inf), np.arange(len(at))
+        most = self.profile.max_tool_tilt_rad if max_tilt_rad is None else max_tilt_rad
+        tilts, offsets = _cone(round(most, 4))
+        least = np.full(len(at), np.inf)
+        left = np.flatnonzero(self._within(at, up, most))
         for ring in np.unique(tilts):
             if not len(left):
                 break
-            bases = np.array([_basis(normal) for normal in up[left]])
-            axes = -np.einsum("ki,nij->nkj", offsets[tilts == ring], bases)
+            axes = -(offsets[tilts == ring] @ np.array([_basis(normal) for normal in up[left]]))
             held = self.inverse(at[left, None], axes).allowed.any(axis=(1, 2))
             least[left[held]] = ring
             left = left[~held]
         return least
+
+    def _within(self, at: Array, up: Array, tilt_rad: float) -> npt.NDArray[np.bool_]:
+        """Return whether upper arm and forearm together are long enough for points (n, 3) with the tool
+        within an angle of normals (n, 3).
+        """
+        upper, fore, tool = self.profile.links_m
+        home = self.shoulder - at
+        far = np.linalg.norm(home, axis=1)
+        cosine = np.einsum("ni,ni->n", home, up) / np.maximum(far, _TINY)
+        turn = np.maximum(0.0, np.arccos(np.clip(cosine, -1.0, 1.0)) - tilt_rad)
+        nearest = np.sqrt(np.maximum(0.0, far**2 + tool**2 - 2.0 * far * tool * np.cos(turn)))
+        return np.asarray(nearest <= upper + fore + 1e-6)
 
     def _refusal(self, found: Postures, tilts: Array) -> ArmRefusal:
         """Return what limits most: nothing of the cone around the normal can be reached."""

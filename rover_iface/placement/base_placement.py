@@ -21,7 +21,6 @@ from rover_iface.frames import Pose, wrap_angle
 from rover_iface.mobility import Standing, belly_gap, settle
 from rover_iface.placement.arm import Arm, ArmRefusal
 from rover_iface.placement.room import room_to_stand
-from rover_iface.profile import Arm as ArmProfile
 from rover_iface.profile import RoverProfile
 from rover_iface.terrain.terrain import Terrain
 
@@ -124,17 +123,16 @@ def place_base(
     standing = Standing(*(np.full(len(x), np.nan) for _ in fields(Standing)))
     reach, tilt = np.full(len(x), np.nan), np.full(len(x), np.nan)
 
-    def rules_of(those: NDArray[np.intp] | slice, fit: Standing) -> tuple[Array, Array, Array, list[_Rule]]:
-        """Return reach [k], tilt [k], squint [k] and the rules of some candidates that stand on the ground
-        like this.
+    def rules_of(those: NDArray[np.intp] | slice, fit: Standing) -> tuple[Array, Array, list[_Rule]]:
+        """Return reach [k], angle [k] past the normal and the rules of some candidates that stand on the
+        ground like this.
         """
         there = x[those], y[those]
         if contact:
-            far, off, squint, rules = _arm_rules(profile, here, up, *there, heading[those], fit)
+            far, off, rules = _arm_rules(profile, here, up, *there, heading[those], fit)
         else:
             far, off, rules = _view_rules(profile, here, up, fit, *there, figures.standoff_m)
-            squint = off
-        return far, off, squint, [*_ground_rules(profile, fit, *there, keep_out), *rules]
+        return far, off, [*_ground_rules(profile, fit, *there, keep_out), *rules]
 
     def most(those: NDArray[np.intp]) -> Array:
         """Return what some candidates [k] are worth as their wheels stand; below 0 where they fall out."""
@@ -142,8 +140,8 @@ def place_base(
         fit = settle(terrain, profile, *there, belly=False)
         for field in fields(Standing):
             getattr(standing, field.name)[those] = getattr(fit, field.name)
-        reach[those], tilt[those], squint, rules = rules_of(those, fit)
-        found = bound[those] * _score(profile, contact, fit, reach[those], squint, _least(reach))
+        reach[those], tilt[those], rules = rules_of(those, fit)
+        found = bound[those] * _score(profile, contact, fit, reach[those], tilt[those], _least(reach))
         found[_any(rules)] = -1.0
         return found
 
@@ -155,7 +153,10 @@ def place_base(
         fit = _those(standing, those)
         gap = standing.belly_gap[those] = fit.belly_gap[...] = belly_gap(terrain, profile, *there, fit)
         clear = gap >= MARGIN_M
-        if not contact:
+        if contact:
+            tilt[those], joints = _joints_rule(profile, here, up, *there, fit, clear)
+            clear &= ~joints.bad
+        else:
             clear[clear] = _in_sight(terrain, profile, here, *(v[clear] for v in (*there[:2], fit.z)))
         found = _gap_share(profile, gap) * (0.3 + 0.7 * room_to_stand(terrain, profile, here, *there, fit))
         found[~clear] = -1.0
@@ -168,7 +169,10 @@ def place_base(
         whole = settle(terrain, profile, x, y, heading)
         *_, rules = rules_of(slice(None), whole)
         rules.append(_clearance_rule(whole))
-        if not contact:
+        if contact:
+            open_still = ~_any(rules)
+            rules.append(_joints_rule(profile, here, up, x, y, heading, whole, open_still)[1])
+        else:
             rules.append(_sight_rule(terrain, profile, here, x, y, whole))
         raise _refusal(target, instrument, rules)
     return [
@@ -303,7 +307,9 @@ def check_observation_point(
     standing = settle(terrain, profile, x, y, heading)
     here = np.array([px, py, pz])
     if figures.contact:
-        reach, tilt, squint, rules = _arm_rules(profile, here, up, x, y, heading, standing, share=1.0)
+        reach, squint, rules = _arm_rules(profile, here, up, x, y, heading, standing, share=1.0)
+        tilt, joints = _joints_rule(profile, here, up, x, y, heading, standing, ~_any(rules))
+        rules.append(joints)
     else:
         reach, tilt, rules = _view_rules(profile, here, up, standing, x, y, figures.standoff_m)
         squint = tilt
@@ -438,21 +444,18 @@ def _arm_rules(
     heading: Array,
     standing: Standing,
     share: float = REACH_SHARE,
-) -> tuple[Array, Array, Array, list[_Rule]]:
-    """Return reach [n], the angle that is left between tool and normal [n], how far the surface looks past
-    the shoulder [n], that angle at least, and the rules of the arm.
+) -> tuple[Array, Array, list[_Rule]]:
+    """Return reach [n], the angle by which the surface looks past the shoulder [n], and the rules of the arm
+    but what its joints hold.
     """
     arm = profile.arm
-    rotation = _rotations(standing.roll, standing.pitch, heading)
-    base = np.stack([x, y, standing.z], axis=-1)
-    shoulder = base + rotation @ np.array(arm.shoulder_m)
-    reach = np.linalg.norm(point - shoulder, axis=-1)
-    local = np.einsum("nji,nj->ni", rotation, point - shoulder)
-    height = np.einsum("nji,nj->ni", rotation, point - base)[:, 2]
+    place, normal = _from_rover(point, up, x, y, heading, standing)
+    local = place - np.array(arm.shoulder_m)
+    reach = np.linalg.norm(local, axis=-1)
+    height = place[:, 2]
     azimuth = np.arctan2(local[:, 1], local[:, 0])
     # Normal of the arm's plane: horizontal in the rover frame, across the direction to the target.
     across = np.stack([-np.sin(azimuth), np.cos(azimuth), np.zeros_like(azimuth)], axis=-1)
-    normal = np.einsum("nji,j->ni", rotation, up)
     aside = np.arcsin(np.clip(np.abs(np.einsum("ni,ni->n", across, normal)), 0.0, 1.0))
     forward = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=-1)
     ahead = np.einsum("ni,ni->n", forward, normal)
@@ -505,19 +508,44 @@ def _arm_rules(
             ),
         ),
     ]
-    place = np.einsum("nji,ni->nj", rotation, point - base)
-    able = np.isfinite(reach) & ~_any(rules)
-    tilt = np.full(len(reach), np.inf)
-    tilt[able] = Arm(arm).least_tilt(place[able], normal[able])
-    best = int(np.argmin(np.where(able, safe, np.inf)))
-    rules.append(_Rule("joints", able & np.isinf(tilt), lambda: _unheld(arm, place[best], normal[best])))
-    return reach, tilt, np.maximum(tilt, squint), rules
+    return reach, squint, rules
 
 
-def _unheld(arm: ArmProfile, point: Array, normal: Array) -> str:
-    """Return why the arm does not hold the tool along a normal (3,) at a point (3,), rover frame, m."""
-    answer = Arm(arm).solve(point, normal)
-    return answer.reason if isinstance(answer, ArmRefusal) else ""
+def _from_rover(
+    point: Array, up: Array, x: Array, y: Array, heading: Array, standing: Standing
+) -> tuple[Array, Array]:
+    """Return a point (3,) and a normal (3,) as rovers that stand in these poses have them, (n, 3)."""
+    rotation = _rotations(standing.roll, standing.pitch, heading)
+    away = point - np.stack([x, y, standing.z], axis=-1)
+    return np.einsum("nji,nj->ni", rotation, away), np.einsum("nji,j->ni", rotation, up)
+
+
+def _joints_rule(
+    profile: RoverProfile,
+    point: Array,
+    up: Array,
+    x: Array,
+    y: Array,
+    heading: Array,
+    standing: Standing,
+    asked: NDArray[np.bool_],
+) -> tuple[Array, _Rule]:
+    """Return the angle that the arm leaves between tool and normal [n], and what its joints refuse of the
+    candidates that are `asked` about [n].
+    """
+    place, normal = _from_rover(point, up, x, y, heading, standing)
+    arm = Arm(profile.arm)
+    asked = asked & np.isfinite(place).all(axis=-1)
+    tilt = np.full(len(place), np.inf)
+    tilt[asked] = arm.least_tilt(place[asked], normal[asked])
+    refused = asked & np.isinf(tilt)
+
+    def why() -> str:
+        nearest = int(np.argmin(np.where(refused, np.linalg.norm(place - arm.shoulder, axis=-1), np.inf)))
+        answer = arm.solve(place[nearest], normal[nearest])
+        return answer.reason if isinstance(answer, ArmRefusal) else ""
+
+    return tilt, _Rule("joints", refused, why)
 
 
 def _view_rules(
