@@ -75,6 +75,29 @@ def test_a_target_is_found_to_a_pixel_after_a_lost_pose_in_another_light(turn_de
     assert np.linalg.norm(away) == pytest.approx(np.linalg.norm(target() - left.camera.C), abs=0.05)
 
 
+def few_features() -> tuple[StereoView, Frame]:
+    """Return a pair on whose pose 6 features agree."""
+    return pair(-4.5, -0.5, 0.0, LATER, lost_pose(-4.5, -0.5, (0.6, -0.7), 15.0))
+
+
+def test_a_pose_of_few_features_is_proven_by_patches() -> None:
+    now, left = few_features()
+    answer = found(now)
+    assert answer.accepted, answer.reasons
+    assert answer.features < ReacquisitionOptions().least_level
+    assert np.hypot(*(answer.pixel - left.camera.project(target()))) < 1.0
+
+
+def test_a_pose_of_few_features_that_no_patches_prove_is_refused() -> None:
+    """As many patches as a pose of many features needs agree on one wrong pose in ten."""
+    options = ReacquisitionOptions(proof=130)
+    known, now = KnownPair(pair(-5.0)[0], options), few_features()[0]
+    answer = reacquire(known, target(), lambda point: now)
+    assert not answer.accepted
+    assert answer.motion is None
+    assert "no patches prove it" in answer.reasons[0]
+
+
 def told(x: float, y: float, sun: Sun, t_s: float) -> tuple[Array, Array]:
     """Return how far a pose puts the target off, px (2,), and what it tells of that (2, 2)."""
     known, now = KnownPair(pair(-5.0)[0]), replace(pair(x, y, 0.0, sun)[0], t_s=t_s)
