@@ -159,6 +159,8 @@ def place_base(
         else:
             clear[clear] = _in_sight(terrain, profile, here, *(v[clear] for v in (*there[:2], fit.z)))
         found = _gap_share(profile, gap) * (0.3 + 0.7 * room_to_stand(terrain, profile, here, *there, fit))
+        if contact:
+            found *= _square_share(profile, tilt[those])
         found[~clear] = -1.0
         return found
 
@@ -328,6 +330,8 @@ def check_observation_point(
     score *= _score(profile, figures.contact, standing, reach, squint, _least(reach))
     score *= _gap_share(profile, standing.belly_gap)
     score *= 0.3 + 0.7 * room_to_stand(terrain, profile, here, x, y, heading, standing)
+    if figures.contact:
+        score *= _square_share(profile, tilt)
     settled = Pose(
         pose.x,
         pose.y,
@@ -632,13 +636,18 @@ def _score(
         arm = profile.arm
         middle = (arm.min_reach_m + arm.reach_m) / 2
         fit = 1.0 - 0.5 * np.clip(np.abs(reach - middle) / ((arm.reach_m - arm.min_reach_m) / 2), 0, 1) ** 2
-        tool = 0.5 ** ((squint / arm.max_tool_tilt_rad) ** 2)
+        tool = _square_share(profile, squint)
     else:
         fit = 1.0 - 0.2 * np.clip(reach / max(1e-6, nearest_m) - 1.0, 0, 1)
         tool = 0.4 + 0.6 * np.cos(np.clip(squint, 0, math.pi / 2))
     score: Array = level * flat * fit * tool
     score[np.isnan(score)] = 0.0
     return score
+
+
+def _square_share(profile: RoverProfile, off_rad: Array) -> Array:
+    """Return the share of its worth [n] that an angle off the normal leaves: a half at the largest tilt."""
+    return np.asarray(0.5 ** ((off_rad / profile.arm.max_tool_tilt_rad) ** 2))
 
 
 def _gap_share(profile: RoverProfile, gap_m: Array) -> Array:

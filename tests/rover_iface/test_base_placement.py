@@ -131,6 +131,16 @@ def test_a_face_across_the_arm_is_in_reach_and_one_that_looks_away_is_not() -> N
         check_observation_point(plane(0.0, 0.0), K9, here, point, (0.98, 0.1, 0.17))
 
 
+def test_a_stand_from_which_the_arm_tilts_the_tool_is_worth_less() -> None:
+    up = (0.0, 0.0, 1.0)
+    near, far = (
+        check_observation_point(plane(0.0, 0.0), K9, Pose(0.0, 0.0), (x, 0.0, 0.3), up) for x in (0.7, 1.1)
+    )
+    assert near.tool_tilt_rad == 0.0
+    assert 0.0 < far.tool_tilt_rad <= K9.arm.max_tool_tilt_rad
+    assert far.score < 0.9 * near.score
+
+
 def test_a_normal_that_the_joints_do_not_hold_is_refused_with_the_joint() -> None:
     with pytest.raises(PlacementError, match="the wrist would have to be"):
         check_observation_point(plane(0.0, 0.0), K9, Pose(0.0, 0.0), (1.15, 0.1, 0.5), (0.0, 0.0, 1.0))
