@@ -51,11 +51,12 @@ def schema(database: Database) -> MetaData:
     return found
 
 
-def rows(database: Database) -> Rows:
+def rows(database: Database, tables: MetaData | None = None) -> Rows:
+    """Return the rows of all tables, whose schema takes longer to read than they do."""
     with database.engine.connect() as connection:
         return {
             table.name: [dict(row) for row in connection.execute(select(table)).mappings()]
-            for table in schema(database).sorted_tables
+            for table in (tables or schema(database)).sorted_tables
         }
 
 
@@ -80,11 +81,12 @@ def value_of(column: Column[Any]) -> object:
     return f"{column.table.name}-1"[: column.type.length]
 
 
-def fill(database: Database) -> None:
+def fill(database: Database, tables: MetaData | None = None) -> None:
     """Put a row into every table that has none."""
-    there = rows(database)
+    tables = tables or schema(database)
+    there = rows(database, tables)
     with database.write_engine.begin() as connection:
-        for table in schema(database).sorted_tables:
+        for table in tables.sorted_tables:
             if not there[table.name]:
                 values = {column.name: value_of(column) for column in table.columns if not column.nullable}
                 connection.execute(insert(table), values)
@@ -100,18 +102,22 @@ def kept(before: Rows, after: Rows) -> None:
 
 def test_every_table_keeps_its_row_at_each_step_up_and_down(database: Database) -> None:
     migrate(database, VERSIONS[0], down=True)
+    tables = schema(database)
     for revision in VERSIONS[1:]:
-        fill(database)
-        before = rows(database)
+        fill(database, tables)
+        before = rows(database, tables)
         migrate(database, revision)
-        after = rows(database)
+        tables = schema(database)
+        after = rows(database, tables)
         assert before.keys() <= after.keys()
         kept(before, after)
-    fill(database)
+    fill(database, tables)
+    before = rows(database, tables)
     for revision in VERSIONS[-2::-1]:
-        before = rows(database)
         migrate(database, revision, down=True)
-        kept(before, rows(database))
+        after = rows(database)
+        kept(before, after)
+        before = after
 
 
 @pytest.mark.parametrize("revision", ["0009", "0013"])
