@@ -7,7 +7,8 @@
     writes nothing
 
 Each goes on where it was stopped: `pairs` by world, `train` from its last checkpoint, `table` by `--seed` as
-it was printed. Minutes are of one processor. The network is `descriptor.onnx` of the folder.
+it was printed. Minutes are of one processor. `train` writes `descriptor.onnx` into the folder; the one that
+the table is of is `studies/results/learned_matcher.onnx`.
 
 The network follows L2-Net and HardNet (Mishchuk et al. 2017, "Working hard to know your neighbor's margins"):
 a grey patch (32, 32) of zero mean and unit deviation becomes, by seven convolutions, a unit vector (64,), and
@@ -23,6 +24,7 @@ import tempfile
 from pathlib import Path
 
 IMAGERY = Path(__file__).resolve().parents[2].parent / "shared/data/imagery"
+NETWORK = Path(__file__).resolve().parents[1] / "results/learned_matcher.onnx"
 
 
 def main() -> None:
@@ -36,6 +38,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int)
     parser.add_argument("--tuning", action="store_true")
     parser.add_argument("--domains", nargs="+")
+    parser.add_argument("--network", type=Path, default=NETWORK)
     parser.add_argument("--out", type=Path)
     arguments = parser.parse_args()
     if arguments.part == "pairs":

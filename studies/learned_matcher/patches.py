@@ -29,8 +29,8 @@ class Keys:
 
     Attributes
     ----------
-    image
-        (rows, columns), 0..1.
+    image, seen
+        (rows, columns): what patches are cut from, and what the keypoints were found in.
     pixels, sizes, octaves
         (n, 2) and (n,), px: places and diameters; (n,): octave and layer as OpenCV packs them.
     sift
@@ -38,6 +38,7 @@ class Keys:
     """
 
     image: Grey
+    seen: Grey
     pixels: Array
     sizes: Array
     octaves: npt.NDArray[np.int64]
@@ -48,7 +49,8 @@ class Keys:
 
     def some(self, which: npt.NDArray[np.int64]) -> Keys:
         """Return those of the given numbers (k,)."""
-        return Keys(self.image, self.pixels[which], self.sizes[which], self.octaves[which], self.sift[which])
+        kept = (getattr(self, name)[which] for name in ("pixels", "sizes", "octaves", "sift"))
+        return Keys(self.image, self.seen, *kept)
 
 
 def stretched(image: Grey) -> npt.NDArray[np.uint8]:
@@ -57,20 +59,24 @@ def stretched(image: Grey) -> npt.NDArray[np.uint8]:
     return np.clip(255.0 * (image - low) / max(1e-6, float(high - low)), 0, 255).astype(np.uint8)
 
 
-def find_keys(image: Grey, most: int = 2500) -> Keys:
-    """Return the strongest keypoints of an image (rows, columns), found as `sift_features.detect` does."""
+def find_keys(image: Grey, most: int = 2500, seen: Grey | None = None) -> Keys:
+    """Return the strongest keypoints of an image (rows, columns), found as `sift_features.detect` does.
+
+    They are looked for in `seen` (rows, columns), the same picture with its contrast made even, if given.
+    """
     import cv2
 
-    found, descriptors = cv2.SIFT.create(enable_precise_upscale=True).detectAndCompute(stretched(image), None)
+    seen = image if seen is None else seen
+    found, descriptors = cv2.SIFT.create(enable_precise_upscale=True).detectAndCompute(stretched(seen), None)
     if descriptors is None:
         return Keys(
-            image, np.empty((0, 2)), np.empty(0), np.empty(0, np.int64), np.empty((0, 128), np.float32)
+            image, seen, np.empty((0, 2)), np.empty(0), np.empty(0, np.int64), np.empty((0, 128), np.float32)
         )
     order = np.argsort([-k.response for k in found], kind="stable")[:most]
     pixels = np.array([found[n].pt for n in order], dtype=np.float64)
     sizes = np.array([found[n].size for n in order], dtype=np.float64)
     octaves = np.array([found[n].octave for n in order], dtype=np.int64)
-    return Keys(image, pixels, sizes, octaves, descriptors[order])
+    return Keys(image, seen, pixels, sizes, octaves, descriptors[order])
 
 
 def upright_sift(keys: Keys) -> npt.NDArray[np.float32]:
@@ -81,7 +87,7 @@ def upright_sift(keys: Keys) -> npt.NDArray[np.float32]:
         cv2.KeyPoint(float(x), float(y), float(size), 0.0, 1.0, int(octave))
         for (x, y), size, octave in zip(keys.pixels, keys.sizes, keys.octaves, strict=True)
     ]
-    found = cv2.SIFT.create(enable_precise_upscale=True).compute(stretched(keys.image), points)[1]
+    found = cv2.SIFT.create(enable_precise_upscale=True).compute(stretched(keys.seen), points)[1]
     return np.asarray(found, dtype=np.float32)
 
 

@@ -19,11 +19,11 @@ import numpy.typing as npt
 
 from rover_iface.cameras.model import CameraModel
 from rover_iface.vision.reacquisition import ReacquisitionOptions
+from rover_iface.vision.reacquisition import _even as even
+from rover_iface.vision.reacquisition import _halved as halved_pair
 from rover_iface.vision.sift_features import Descriptors, find_features
-from rover_iface.vision.tracker import StereoView
 from studies.common.domain_split import PAIRS, Purpose
-from studies.common.perception_worlds import Shot
-from studies.common.reacquisition_worlds import Trial
+from studies.common.reacquisition_worlds import Trial, view_of
 from studies.common.warped import warped_run
 from studies.learned_matcher.pairs import half_camera, halved, put
 from studies.learned_matcher.patches import Array, Grey, Keys, find_keys
@@ -34,6 +34,8 @@ ROW_PX = 1.5
 FACE_PX, AWAY_PX = 25.0, 12.0
 """How near to a point of the adjustment a photograph's keypoint is, so that the face there says how far away
 it is; and how far from there its match may lie along the epipolar line, as a boulder is not flat."""
+PHOTOGRAPH_KEYS = 4000
+"""Strongest keypoints of a photograph: it has more pixels than a navcam's at half size."""
 STEP = 3
 """Sights of a warped picture from one to the next: a zoom by 1.37."""
 
@@ -93,8 +95,8 @@ def rendered_sight(domain: str, seed: int, purpose: Purpose, imagery: Path) -> I
         if not len(trial.targets):
             return
         options = ReacquisitionOptions()
-        view = StereoView(*(_unit(shot) for shot in before), *(half_camera(shot.told) for shot in before))
-        old, new = find_keys(view.left, options.features), find_keys(_unit(after[0]), options.features)
+        view = halved_pair(view_of(before))
+        old, new = (keys_of(halved(pair[0].unit), options.features) for pair in (before, after))
         ranged = find_features(
             view, count=options.features, ratio=options.ratio, row_px=ROW_PX, in_left=(old.pixels, old.sift)
         )
@@ -121,14 +123,15 @@ def numbers_of(pixels: Array, sift: Descriptors, keys: Keys) -> npt.NDArray[np.i
     return np.fromiter(told, np.int64, len(pixels))
 
 
-def _unit(shot: Shot) -> Grey:
-    return halved(shot.unit)
+def keys_of(image: Grey, most: int) -> Keys:
+    """Return the keypoints of an image (rows, columns) as re-acquisition finds them, contrast made even."""
+    return find_keys(image, most, even(image))
 
 
 def photograph_sights(folder: Path) -> Iterator[Sight]:
     """Return the overlapping photographs, both ways."""
     seen, points = photographs(folder)
-    keys = {id(one): find_keys(one.image, 4000) for one in seen}
+    keys = {id(one): keys_of(one.image, PHOTOGRAPH_KEYS) for one in seen}
     for one, other in permutations(seen, 2):
         if len(one.pixels.keys() & other.pixels.keys()) >= LEAST_COMMON:
             yield _photographs(one, other, points, keys[id(one)], keys[id(other)])
@@ -163,7 +166,7 @@ def warped_sights(seed: int, purpose: Purpose, imagery: Path) -> Iterator[Sight]
     for name in PAIRS[purpose]:
         sights = warped_run(name, seed, imagery).sights
         for first, second in zip(sights[::STEP], sights[STEP::STEP], strict=False):
-            old, new = (find_keys(s.view.left) for s in (first, second))
+            old, new = (keys_of(s.view.left, ReacquisitionOptions().features) for s in (first, second))
             origin, rays = first.true_left.back_project(old.pixels)
             expected = np.asarray(second.true_left.project(origin + 10.0 * rays))
             columns, rows = second.true_left.size

@@ -15,7 +15,6 @@ from studies.common.domain_split import Seeds, reporting, tuning
 from studies.common.pages import table, write_section
 from studies.domains import DOMAINS
 from studies.learned_matcher.contest import NAMES, NETWORK, RATIOS, SIFT, Outcome, outcomes, ratio_like, sums
-from studies.learned_matcher.network import NETWORK as FILE
 from studies.learned_matcher.network import Net
 from studies.learned_matcher.sights import Sight, photograph_sights, rendered_sight, warped_sights
 
@@ -99,7 +98,8 @@ def make_table(arguments: argparse.Namespace) -> None:
     chosen = tuning(arguments.worlds) if arguments.tuning else reporting(arguments.worlds, arguments.seed)
     print(f"{chosen.purpose} seeds {chosen.values}", flush=True)
     arguments.purpose = chosen.purpose
-    path: Path = arguments.folder / FILE
+    path: Path = arguments.network
+    arguments.folder.mkdir(parents=True, exist_ok=True)
     name, net = hashlib.sha256(path.read_bytes()).hexdigest()[:12], Net.read(path)
     domains = arguments.domains or [d for d in ASKED if not (arguments.tuning and d == "photographs")]
     found: Found = {domain: [] for domain in domains}

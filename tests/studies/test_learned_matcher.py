@@ -45,8 +45,10 @@ def picture(seed: int, size: int = 240) -> np.ndarray[Any, Any]:
 
 def keys(pixels: list[tuple[float, float]]) -> Keys:
     count = len(pixels)
+    blank = np.zeros((50, 50), np.float32)
     return Keys(
-        np.zeros((50, 50), np.float32),
+        blank,
+        blank,
         np.array(pixels, dtype=float).reshape(-1, 2),
         np.full(count, 4.0),
         np.zeros(count, np.int64),
