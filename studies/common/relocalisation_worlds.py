@@ -16,6 +16,7 @@ from rover_iface.localization.relief_map import ReliefMap
 from rover_iface.localization.stop_relief import StopView, view_of_panorama
 from rover_iface.simulator.render import shade
 from rover_iface.simulator.render.from_terrain import scene_from_terrain
+from rover_iface.simulator.render.gravel import no_stones
 from rover_iface.simulator.render.look import Look
 from rover_iface.simulator.render.panorama import take_panorama
 from rover_iface.simulator.render.renderer import Renderer, Sun
@@ -59,7 +60,7 @@ def lit(scene: Scene, origins: Array, directions: Array, sun: Sun, *, pixel_rad:
     shade.radiance(
         far, prim, rays, points, normal, base, loose, bright, scene.objects, scene.materials, scene.origin,
         to_sun, sun.direct, sun.diffuse, 0.6, pixel_rad,
-        Look().parameters(), scene.seed, light,
+        Look().parameters(), scene.seed, no_stones(), light,
     )  # fmt: skip
     met = prim >= 0
     bodies = np.where(met, scene.objects[np.maximum(prim, 0)], -1).astype(np.int32)

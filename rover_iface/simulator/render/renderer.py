@@ -16,6 +16,9 @@ from rover_iface.simulator.render.look import Look
 from rover_iface.simulator.render.picture import AutoExposure, Frame, Negative, Truth, Window
 from rover_iface.simulator.render.scene import Array, Scene
 
+BAND = 8192
+"""Pixels that are worked on at a time: some 0.7 MB, which a processor's second cache holds."""
+
 
 @dataclass(frozen=True, slots=True)
 class Sun:
@@ -181,21 +184,74 @@ class Renderer:
     ) -> tuple[npt.NDArray[np.float32], Truth]:
         if samples > 1:
             return self._supersampled(camera, window, sun, samples)
+        left, top, width, height = window
+        light = np.empty((height, width), np.float32)
+        truth = Truth(
+            np.empty((height, width), np.float32),
+            np.empty((height, width), np.int32),
+            np.empty((height, width), np.bool_),
+            np.zeros((height, width, 3), np.float32),
+            self.scene.ids,
+            camera,
+            window,
+        )
+        rows = max(1, BAND // width)
+        paint = _Painter(self.scene, self.look, camera, sun, rows * width)
+        for first in range(0, height, rows):
+            band = slice(first, min(first + rows, height))
+            paint(left, top + first, light[band], truth, band)
+        return light, truth
+
+    def _supersampled(
+        self, camera: CameraModel, window: Window, sun: Sun, samples: int
+    ) -> tuple[npt.NDArray[np.float32], Truth]:
+        left, top, width, height = window
+        fine = camera.scaled(float(samples))
+        light, _ = self._light(
+            fine, (left * samples, top * samples, width * samples, height * samples), sun, 1
+        )
+        mean = light.reshape(height, samples, width, samples).mean(axis=(1, 3), dtype=np.float32)
+        return mean, self._light(camera, window, sun, 1)[1]
+
+
+class _Painter:
+    """Fills a picture by bands of rows, whose rays and surface points it keeps in the same small arrays.
+
+    Those of a whole picture are cleared by the system and pushed out of the processor's cache each time.
+    """
+
+    def __init__(self, scene: Scene, look: Look, camera: CameraModel, sun: Sun, most: int) -> None:
+        from rover_iface.simulator.render.gravel import no_stones
+
+        self.scene, self.camera, self.sun = scene, camera, sun
+        self.to_sun = np.array(sun.direction)
+        self.look = look.parameters()
+        self.stones = no_stones()
+        self.limb = _lunar_lambert_weight(_phase_deg(camera, self.to_sun))
+        self.origins, self.directions = np.empty((most, 3), np.float32), np.empty((most, 3), np.float32)
+        self.points, self.shadows = np.empty((most, 3), np.float32), np.empty((most, 3), np.float32)
+        self.base, self.loose, self.lit = (np.empty(most, np.float32) for _ in range(3))
+        self.index = np.empty(most, np.int32)
+        self.to_suns = np.tile(self.to_sun.astype(np.float32), (most, 1))
+
+    def __call__(
+        self, left: int, top: int, light: npt.NDArray[np.float32], truth: Truth, band: slice
+    ) -> None:
+        """Fill the light [rows, columns] of a band whose first pixel is (`left`, `top`), and its rows of the
+        truth.
+        """
         from rover_iface.simulator.render import shade
 
-        scene = self.scene
-        left, top, width, height = window
-        count = width * height
-        origins, directions = np.empty((count, 3), np.float32), np.empty((count, 3), np.float32)
+        scene, sun, (height, width) = self.scene, self.sun, light.shape
+        count = height * width
+        origins, directions, points = self.origins[:count], self.directions[:count], self.points[:count]
+        base, loose, lit = self.base[:count], self.loose[:count], self.lit[:count]
+        normal = truth.normal_site[band].reshape(-1, 3)
         shade.window_rays(
-            camera.packed, float(left), float(top), width, height, scene.origin, origins, directions
+            self.camera.packed, float(left), float(top), width, height, scene.origin, origins, directions
         )
         hit = scene.cast_local(origins, directions)
         far, prim = hit["tfar"], hit["primID"]
-        points, normal = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32)
-        base, loose = np.zeros(count, np.float32), np.zeros(count, np.float32)
-        shadow_origins, shadow_index = np.empty((count, 3), np.float32), np.empty(count, np.int32)
-        to_sun = np.array(sun.direction)
         found = shade.surface(
             far,
             prim,
@@ -207,22 +263,18 @@ class Renderer:
             scene.normals,
             scene.albedo,
             scene.gravel,
-            to_sun,
+            self.to_sun,
             2e-3,
             points,
             normal,
             base,
             loose,
-            shadow_origins,
-            shadow_index,
+            self.shadows,
+            self.index,
         )
-        lit = np.zeros(count, np.float32)
+        lit[:] = 0.0
         if sun.direct > 0.0 and found:
-            rays = np.broadcast_to(to_sun.astype(np.float32), (found, 3))
-            dark = scene.occluded_local(shadow_origins[:found], np.ascontiguousarray(rays))
-            lit[shadow_index[:found]] = ~dark
-        light = np.empty(count, np.float32)
-        phase = _phase_deg(camera, to_sun)
+            lit[self.index[:found]] = ~scene.occluded_local(self.shadows[:found], self.to_suns[:found])
         shade.radiance(
             far,
             prim,
@@ -235,37 +287,21 @@ class Renderer:
             scene.objects,
             scene.materials,
             scene.origin,
-            to_sun,
+            self.to_sun,
             sun.direct,
             sun.diffuse,
-            _lunar_lambert_weight(phase),
-            1.0 / camera.hs,
-            self.look.parameters(),
+            self.limb,
+            1.0 / self.camera.hs,
+            self.look,
             scene.seed,
-            light,
+            self.stones,
+            light.reshape(-1),
         )
-        objects = np.where(prim >= 0, scene.objects[np.maximum(prim, 0)], -1).astype(np.int32)
-        truth = Truth(
-            np.where(prim >= 0, far, np.inf).astype(np.float32).reshape(height, width),
-            objects.reshape(height, width),
-            (lit > 0).reshape(height, width),
-            normal.reshape(height, width, 3),
-            scene.ids,
-            camera,
-            window,
-        )
-        return light.reshape(height, width), truth
-
-    def _supersampled(
-        self, camera: CameraModel, window: Window, sun: Sun, samples: int
-    ) -> tuple[npt.NDArray[np.float32], Truth]:
-        left, top, width, height = window
-        fine = camera.scaled(float(samples))
-        light, _ = self._light(
-            fine, (left * samples, top * samples, width * samples, height * samples), sun, 1
-        )
-        mean = light.reshape(height, samples, width, samples).mean(axis=(1, 3), dtype=np.float32)
-        return mean, self._light(camera, window, sun, 1)[1]
+        met = prim >= 0
+        shape = height, width
+        truth.range_m[band] = np.where(met, far, np.inf).reshape(shape)
+        truth.object_index[band] = np.where(met, scene.objects[np.maximum(prim, 0)], -1).reshape(shape)
+        truth.lit[band] = (lit > 0).reshape(shape)
 
 
 def _in_site(camera: CameraModel, pose: Pose | Transform | None) -> CameraModel:

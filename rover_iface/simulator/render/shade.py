@@ -9,16 +9,37 @@ import numpy.typing as npt
 from numba import njit
 
 from rover_iface.cameras.kernels import back_project_one
+from rover_iface.simulator.render.gravel import Stones, gravel
 from rover_iface.simulator.render.texture import (
     DRIFT_QUIET,
-    DRIFT_TINT,
-    drift,
     grains,
-    gravel,
     ripple,
     rock_grains,
     sand_grains,
     scramble,
+)
+from rover_iface.simulator.render.texture_blocks import (
+    BLOCK,
+    DEEP,
+    FIELDS,
+    FOOTPRINT,
+    GX,
+    GY,
+    GZ,
+    LIGHT,
+    LOOSE,
+    NX,
+    NY,
+    NZ,
+    SHADE,
+    TINT,
+    VX,
+    VY,
+    VZ,
+    X,
+    Y,
+    Z,
+    sand,
     soil,
     stone,
 )
@@ -29,6 +50,7 @@ CLOSE_UP_M = 1.0e-3
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 I32 = npt.NDArray[np.int32]
+I64 = npt.NDArray[np.int64]
 
 
 @njit(cache=True, nogil=True)
@@ -125,6 +147,7 @@ def radiance(
     pixel_rad: float,
     parameters: F64,
     seed: int,
+    kept: Stones,
     out: F32,
 ) -> None:
     """Fill the radiance of each ray, in units where a white level plate in full sun has 1.
@@ -137,12 +160,10 @@ def radiance(
     Of n rays: `tfar` (m), `prim`, `base`, `loose`, `lit` and `out` [n], `directions`, `points` and `normal`
     [n, 3], as `surface` fills them; site axes. `objects` [triangles] is the body of each, `materials`
     [bodies]; `origin` [3], m, is that of the points, `sun` [3] the unit direction to the sun; `parameters`
-    [11] (`Look.parameters`).
+    [11] (`Look.parameters`), `kept` the loose stones of pictures in this light (`no_stones`).
     """
-    soil_slope, stone_slope, mottle, bounce = parameters[0], parameters[1], parameters[2], parameters[3]
-    soil_mottle, sand, grain = parameters[4], parameters[5], parameters[6]
-    ripples, wind_x, wind_y = parameters[7], math.cos(parameters[8]), math.sin(parameters[8])
-    gravel_mottle, close_up = parameters[9], parameters[10]
+    block, index = np.empty(FIELDS * BLOCK), np.empty(BLOCK, np.int64)
+    cells, places, owners, stones = kept
     level = math.sqrt(max(1e-9, sun[0] * sun[0] + sun[1] * sun[1]))
     sun_x, sun_y = sun[0] / level, sun[1] / level
     sun_slope = max(0.05, sun[2] / level)
@@ -151,66 +172,139 @@ def radiance(
             # brighter towards the sun and the horizon
             c = directions[n, 0] * sun[0] + directions[n, 1] * sun[1] + directions[n, 2] * sun[2]
             out[n] = diffuse * (0.9 + 0.5 * max(0.0, c) ** 8 + 0.25 * (1.0 - max(0.0, directions[n, 2])))
-            continue
-        x, y, z = origin[0] + points[n, 0], origin[1] + points[n, 1], origin[2] + points[n, 2]
+    for material in range(3):
+        count = 0
+        for n in range(prim.shape[0] + 1):
+            last = n == prim.shape[0]
+            if not last and prim[n] >= 0 and materials[objects[prim[n]]] == material:
+                index[count] = n
+                count += 1
+            if count == BLOCK or (last and count > 0):
+                _place(block, index, count, tfar, directions, points, normal, lit, origin, pixel_rad)
+                if material == 0:
+                    _soil(block, index, count, loose, parameters, seed)
+                    gravel(
+                        block,
+                        count,
+                        parameters[9],
+                        sun_x,
+                        sun_y,
+                        sun_slope,
+                        seed + 101,
+                        cells,
+                        places,
+                        owners,
+                        stones,
+                    )
+                elif material == 1:
+                    _rock(block, count, parameters, seed)
+                _reflect(block, count, sun, direct, diffuse, limb, parameters[3])
+                for k in range(count):
+                    # a bump that hides the sun also hides some sky
+                    tint = 1.0 + min(1.2, max(-0.75, block[k + TINT]))
+                    out[index[k]] = max(0.02, base[index[k]] * tint) * block[k + LIGHT]
+                count = 0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _place(
+    block: F64,
+    index: I64,
+    count: int,
+    tfar: F32,
+    directions: F32,
+    points: F32,
+    normal: F32,
+    lit: F32,
+    origin: F64,
+    pixel_rad: float,
+) -> None:
+    """Fill a block with the points of `count` rays of `index`, without texture."""
+    for k in range(count):
+        n = index[k]
+        block[k + X], block[k + Y] = origin[0] + points[n, 0], origin[1] + points[n, 1]
+        block[k + Z] = origin[2] + points[n, 2]
         nx, ny, nz = float(normal[n, 0]), float(normal[n, 1]), float(normal[n, 2])
         vx, vy, vz = -directions[n, 0], -directions[n, 1], -directions[n, 2]
         facing = max(0.12, nx * vx + ny * vy + nz * vz)
-        footprint = tfar[n] * pixel_rad / math.sqrt(facing)
-        material = materials[objects[prim[n]]]
-        gx, gy, gz, tint, shade = 0.0, 0.0, 0.0, 0.0, float(1.0 - lit[n])
-        if material == 0:
-            tint, gx, gy = soil(x, y, footprint, soil_slope, seed)
-            tint *= soil_mottle
-            stones = float(loose[n])
-            deep = 0.0
-            if sand > 0.0:
-                deep = drift(x, y, footprint, sand, seed + 707)
-                tint = tint * (1.0 - DRIFT_QUIET[0] * deep) + DRIFT_TINT * deep
-                gx *= 1.0 - DRIFT_QUIET[1] * deep
-                gy *= 1.0 - DRIFT_QUIET[1] * deep
-                stones *= 1.0 - DRIFT_QUIET[2] * deep
-            if ripples > 0.0:
-                t, hx, hy = ripple(x, y, footprint, wind_x, wind_y, seed + 1301)
-                steep = ripples * (0.25 + 0.75 * deep)
-                tint += steep * t
-                gx += steep * hx
-                gy += steep * hy
-            if close_up > 0.0 and footprint < CLOSE_UP_M:
-                t, hx, hy = sand_grains(x, y, footprint, seed + 1511)
-                tint += close_up * t
-                gx += close_up * hx
-                gy += close_up * hy
-            if grain > 0.0:
-                tint += grain * grains(x, y, footprint, seed + 911)
-            if stones > 0.0:
-                t, hx, hy, s = gravel(x, y, footprint, stones, sun_x, sun_y, sun_slope, seed + 101)
-                tint += gravel_mottle * t
-                gx += hx
-                gy += hy
-                shade = max(shade, s)
-        elif material == 1:
-            tint, gx, gy, gz = stone(x, y, z, footprint, stone_slope, mottle, seed + 303)
-            if close_up > 0.0 and footprint < CLOSE_UP_M:
-                tx, hx, hy, hz = rock_grains(x, y, z, nx, ny, nz, footprint, seed + 1601)
-                tint += close_up * tx
-                gx += close_up * hx
-                gy += close_up * hy
-                gz += close_up * hz
-            tint += 0.22 * (nz - 0.3)  # dust settles on what faces up
+        block[k + FOOTPRINT] = tfar[n] * pixel_rad / math.sqrt(facing)
+        block[k + NX], block[k + NY], block[k + NZ] = nx, ny, nz
+        block[k + VX], block[k + VY], block[k + VZ] = vx, vy, vz
+        block[k + SHADE] = float(1.0 - lit[n])
+        block[k + TINT], block[k + GX], block[k + GY], block[k + GZ] = 0.0, 0.0, 0.0, 0.0
+
+
+@njit(cache=True, nogil=True)
+def _soil(block: F64, index: I64, count: int, loose: F32, parameters: F64, seed: int) -> None:
+    """Texture a block of soil with sand, ripples and grains, and fill how stony it is.
+
+    Parameters are those of `radiance`.
+    """
+    cover, grain, ripples, close_up = parameters[5], parameters[6], parameters[7], parameters[10]
+    soil(block, count, parameters[0], parameters[4], seed)
+    for k in range(count):
+        block[k + DEEP] = 0.0
+    if cover > 0.0:
+        sand(block, count, cover, seed + 707)
+    wind_x, wind_y = math.cos(parameters[8]), math.sin(parameters[8])
+    for k in range(count):
+        x, y, footprint, deep = block[k + X], block[k + Y], block[k + FOOTPRINT], block[k + DEEP]
+        stones = float(loose[index[k]])
+        if cover > 0.0:
+            stones *= 1.0 - DRIFT_QUIET[2] * deep
+        if ripples > 0.0:
+            t, hx, hy = ripple(x, y, footprint, wind_x, wind_y, seed + 1301)
+            steep = ripples * (0.25 + 0.75 * deep)
+            block[k + TINT] += steep * t
+            block[k + GX] += steep * hx
+            block[k + GY] += steep * hy
+        if close_up > 0.0 and footprint < CLOSE_UP_M:
+            t, hx, hy = sand_grains(x, y, footprint, seed + 1511)
+            block[k + TINT] += close_up * t
+            block[k + GX] += close_up * hx
+            block[k + GY] += close_up * hy
+        if grain > 0.0:
+            block[k + TINT] += grain * grains(x, y, footprint, seed + 911)
+        block[k + LOOSE] = stones
+
+
+@njit(cache=True, nogil=True)
+def _rock(block: F64, count: int, parameters: F64, seed: int) -> None:
+    """Texture a block of rock; parameters are those of `radiance`."""
+    close_up = parameters[10]
+    stone(block, count, parameters[1], parameters[2], seed + 303)
+    for k in range(count):
+        if close_up > 0.0 and block[k + FOOTPRINT] < CLOSE_UP_M:
+            place = block[k + X], block[k + Y], block[k + Z]
+            nx, ny, nz = block[k + NX], block[k + NY], block[k + NZ]
+            tx, hx, hy, hz = rock_grains(*place, nx, ny, nz, block[k + FOOTPRINT], seed + 1601)
+            block[k + TINT] += close_up * tx
+            block[k + GX] += close_up * hx
+            block[k + GY] += close_up * hy
+            block[k + GZ] += close_up * hz
+        block[k + TINT] += 0.22 * (block[k + NZ] - 0.3)  # dust settles on what faces up
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _reflect(
+    block: F64, count: int, sun: F64, direct: float, diffuse: float, limb: float, bounce: float
+) -> None:
+    """Fill the light that a white surface would send on, its bumps and the shadow of stones counted."""
+    sx, sy, sz = sun[0], sun[1], sun[2]
+    for k in range(count):
+        nx, ny, nz = block[k + NX], block[k + NY], block[k + NZ]
+        gx, gy, gz = block[k + GX], block[k + GY], block[k + GZ]
         along = gx * nx + gy * ny + gz * nz
         nx, ny, nz = nx - (gx - along * nx), ny - (gy - along * ny), nz - (gz - along * nz)
-        k = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
-        nx, ny, nz = nx * k, ny * k, nz * k
-        mu0 = nx * sun[0] + ny * sun[1] + nz * sun[2]
-        mu = max(0.05, nx * vx + ny * vy + nz * vz)
-        reflect = 0.0
-        if mu0 > 0.0:
-            reflect = limb * 2.0 * mu0 / (mu0 + mu) + (1.0 - limb) * mu0
+        long = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
+        nx, ny, nz = nx * long, ny * long, nz * long
+        mu0 = nx * sx + ny * sy + nz * sz
+        mu = max(0.05, nx * block[k + VX] + ny * block[k + VY] + nz * block[k + VZ])
+        reflect = limb * 2.0 * mu0 / (mu0 + mu) + (1.0 - limb) * mu0
+        reflect = reflect if mu0 > 0.0 else 0.0
         open_sky = 0.5 + 0.5 * nz
-        light = direct * (1.0 - shade) * reflect + diffuse * (open_sky + bounce * (1.0 - open_sky))
-        # a bump that hides the sun also hides some sky
-        out[n] = max(0.02, base[n] * (1.0 + min(1.2, max(-0.75, tint)))) * light
+        sunny = direct * (1.0 - block[k + SHADE]) * reflect
+        block[k + LIGHT] = sunny + diffuse * (open_sky + bounce * (1.0 - open_sky))
 
 
 @njit(cache=True, nogil=True, inline="always")
