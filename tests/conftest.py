@@ -20,15 +20,23 @@ MADE_FOR_ALL = {"fprime": "fprime", "ros_python": "ros2"}
 
 @pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Bring tests that share something costly to one process, which makes it once.
+    """Bring tests that share something costly to one process, which makes it once; begin with what is slow.
 
-    That is what a module makes for all its tests; each process of the suite would make its own.
+    What is shared is what a module makes for all its tests; each process of the suite would make its own.
+    Groups go out by their size, then tests by themselves in this order: a slow one at the end would run
+    when the other processes have nothing left to do.
     """
     for item in items:
         if isinstance(item, pytest.Function) and not any(item.iter_markers("xdist_group")):
             group = shared_by(item)
             if group:
                 item.add_marker(pytest.mark.xdist_group(group))
+    items.sort(key=lambda item: not (alone(item) and item.get_closest_marker("slow")))
+
+
+def alone(item: pytest.Item) -> bool:
+    """Return whether a test belongs to no group."""
+    return item.get_closest_marker("xdist_group") is None
 
 
 @pytest.hookimpl(wrapper=True)
