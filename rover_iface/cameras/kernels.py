@@ -281,6 +281,16 @@ def warp_map(p_out: Array, p_in: Array, width: int, height: int, range_m: float,
             map_xy[j, i, 1] = v
 
 
+@njit(cache=True, nogil=True, inline="always")
+def between(image: Array, x: float, y: float) -> float:
+    """Return an image [rows, columns] between its pixels, bilinearly, at a sample x and line y inside it."""
+    i, j = min(int(x), image.shape[1] - 2), min(int(y), image.shape[0] - 2)
+    fx, fy = x - i, y - j
+    top = image[j, i] * (1.0 - fx) + image[j, i + 1] * fx
+    low = image[j + 1, i] * (1.0 - fx) + image[j + 1, i + 1] * fx
+    return top * (1.0 - fy) + low * fy
+
+
 @njit(cache=True, nogil=True)
 def sample_bilinear(image: Array, map_xy: Array, fill: float, out: Array) -> None:
     """Fill `out` [rows, columns] with `image` [h, w] sampled bilinearly; `fill` where that is outside.
@@ -294,8 +304,4 @@ def sample_bilinear(image: Array, map_xy: Array, fill: float, out: Array) -> Non
             if not (0.0 <= x <= columns - 1.0 and 0.0 <= y <= rows - 1.0):
                 out[j, i] = fill
                 continue
-            x0, y0 = min(int(x), columns - 2), min(int(y), rows - 2)
-            fx, fy = x - x0, y - y0
-            top = image[y0, x0] * (1.0 - fx) + image[y0, x0 + 1] * fx
-            bottom = image[y0 + 1, x0] * (1.0 - fx) + image[y0 + 1, x0 + 1] * fx
-            out[j, i] = top * (1.0 - fy) + bottom * fy
+            out[j, i] = between(image, x, y)

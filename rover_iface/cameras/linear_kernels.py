@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
+from rover_iface.cameras.kernels import between
 from rover_iface.cameras.model import Array
 
 Image = npt.NDArray[np.float32]
@@ -50,11 +51,7 @@ def warp_linear(image: Image, p_out: Array, p_in: Array, range_m: float, fill: f
             y = (seen[0, 1] + i * seen[1, 1] + j * seen[2, 1] + step[1] * long) / depth
             if not (0.0 <= x <= columns - 1.0 and 0.0 <= y <= rows - 1.0):
                 continue
-            x0, y0 = min(int(x), columns - 2), min(int(y), rows - 2)
-            fx, fy = x - x0, y - y0
-            top = image[y0, x0] * (1.0 - fx) + image[y0, x0 + 1] * fx
-            bottom = image[y0 + 1, x0] * (1.0 - fx) + image[y0 + 1, x0 + 1] * fx
-            out[j, i] = top * (1.0 - fy) + bottom * fy
+            out[j, i] = between(image, x, y)
 
 
 @njit(cache=True, nogil=True)

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from numba import njit
 
-from rover_iface.cameras.kernels import back_project_one, project_one
+from rover_iface.cameras.kernels import back_project_one, between, project_one
 from rover_iface.cameras.model import Array
 
 Image = npt.NDArray[np.float32]
@@ -20,11 +20,7 @@ def bilinear(image: Image, x: float, y: float) -> float:
     rows, columns = image.shape
     if not (0.0 <= x <= columns - 1.0 and 0.0 <= y <= rows - 1.0):
         return math.nan
-    i, j = min(int(x), columns - 2), min(int(y), rows - 2)
-    fx, fy = x - i, y - j
-    top = image[j, i] * (1.0 - fx) + image[j, i + 1] * fx
-    low = image[j + 1, i] * (1.0 - fx) + image[j + 1, i + 1] * fx
-    return top * (1.0 - fy) + low * fy
+    return between(image, x, y)
 
 
 @njit(cache=True, nogil=True)

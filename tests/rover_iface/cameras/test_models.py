@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -193,3 +194,26 @@ def test_bad_cameras_are_refused_with_the_vector_and_the_limit() -> None:
         rig.camera("nose")
     with pytest.raises(CameraError, match="unknown camera set"):
         load_cameras("viking")
+
+
+@pytest.mark.parametrize(("row", "column", "limit"), [(0, 0, 1.1e-5), (1, 2, 1e-6)])
+def test_a_camera_is_turned_by_rotations_alone(row: int, column: int, limit: float) -> None:
+    camera = pinhole(focal_px=500, width=64, height=48)
+    for share, refused in ((0.4, False), (2.0, True)):
+        rotation = np.eye(3)
+        rotation[row, column] += share * limit * (0.5 if row == column else 1.0)
+        if refused:
+            with pytest.raises(CameraError, match="orthogonal"):
+                camera.moved(rotation, np.zeros(3))
+        else:
+            camera.moved(rotation, np.zeros(3))
+    rotation = np.eye(3)
+    rotation[row, column] = np.nan
+    with pytest.raises(CameraError, match="orthogonal"):
+        camera.moved(rotation, np.zeros(3))
+
+
+def test_a_vector_that_is_no_number_makes_no_camera() -> None:
+    for bad in (math.nan, math.inf):
+        with pytest.raises(CameraError, match="camera vector C"):
+            pinhole(focal_px=500, width=64, height=48, center=(0.0, bad, 0.0))
