@@ -166,9 +166,7 @@ def _best_place(
     if wide < 1 or high < 1:
         return math.nan, math.nan
     score = np.empty((high, wide))
-    for y in range(high):
-        for x in range(wide):
-            score[y, x] = _alike(image, core, norm, left + x, top + y)
+    _alike(image, core, norm, left, top, score)
     best, best_x, best_y, first = -math.inf, math.nan, math.nan, 0.0
     for number in range(PEAKS):
         place = int(np.argmax(score))
@@ -214,16 +212,39 @@ def _centred(template: Image, half: int, context: int, core: Array) -> float:
     return math.sqrt(square)
 
 
-@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
-def _alike(image: Image, core: Array, norm: float, left: int, top: int) -> float:
-    """Return the normalised cross-correlation of a centred window with the picture at whole pixels."""
-    side = core.shape[0]
-    total, square, both = 0.0, 0.0, 0.0
-    for j in range(side):
-        for i in range(side):
-            value = float(image[top + j, left + i])
-            total += value
-            square += value * value
-            both += core[j, i] * value
-    spread = square - total * total / (side * side)
-    return both / (norm * math.sqrt(spread)) if spread > 1e-9 else 0.0
+@njit(cache=True, nogil=True, error_model="numpy")
+def _alike(image: Image, core: Array, norm: float, left: int, top: int, score: Array) -> None:
+    """Fill `score` [high, wide] with the normalised cross-correlation of a window with the picture.
+
+    The window, `core` [side, side], is centred; its upper left corner is at whole pixels from (`left`, `top`)
+    on.
+
+    Places beside each other in a row are worked on together: the compiler takes several at once.
+    """
+    side, (high, wide) = core.shape[0], score.shape
+    across = wide + side - 1
+    part = np.empty((high + side - 1, across))
+    for j in range(high + side - 1):
+        for i in range(across):
+            part[j, i] = image[top + j, left + i]
+    totals, squares = np.empty(across), np.empty(across)
+    for y in range(high):
+        totals[:], squares[:] = 0.0, 0.0
+        row = score[y]
+        row[:] = 0.0
+        for j in range(side):
+            line = part[y + j]
+            for i in range(across):
+                totals[i] += line[i]
+                squares[i] += line[i] * line[i]
+            for i in range(side):
+                weight, shifted = core[j, i], line[i : i + wide]
+                for x in range(wide):
+                    row[x] += weight * shifted[x]
+        for x in range(wide):
+            total, square = 0.0, 0.0
+            for i in range(side):
+                total += totals[x + i]
+                square += squares[x + i]
+            spread = square - total * total / (side * side)
+            row[x] = row[x] / (norm * math.sqrt(spread)) if spread > 1e-9 else 0.0
