@@ -293,42 +293,50 @@ def _take_better(values: Singles, which: int, best: Singles, done: Singles) -> N
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _one_fewer(a: Layout, values: Singles, fewer_tracks: Singles) -> None:
-    """Fill in the values that each count has with one track fewer; 0 where there is none."""
+def _one_fewer(values: Singles, last: int, fewer_tracks: Singles) -> None:
+    """Fill in the values that each count has with one track fewer; 0 where there is none.
+
+    `last` is the count that stands for that many or more, -1 where none does.
+    """
     fewer_tracks[0] = 0.0
     for c in range(1, len(values)):
         fewer_tracks[c] = values[c - 1]
-    if not a.whole:
-        fewer_tracks[a.counts - 1] = values[a.counts - 1]
+    if last >= 0:
+        fewer_tracks[last] = values[last]
 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _make(
-    a: Layout, made: Masses, m: int, i: int, gain: float, value: Singles, last: Singles, found: Singles
+    hat: Singles,
+    bulge: Singles,
+    high: int,
+    ends: tuple[float, float],
+    i: int,
+    value: Singles,
+    last: Singles,
+    found: Singles,
+    room: Singles,
 ) -> None:
     """Fill in the values before an observation from those after it, (nodes, counts), with what it wins.
 
-    `last` holds the last cell's bulges [counts].
+    `hat` and `bulge` (nodes,) are its masses, the latter empty where nothing bulges, and `ends` what ends
+    after the day and what is won. `last` holds the last cell's bulges [counts]; `room` is for what is
+    summed, (2, counts).
     """
-    rest, lanes = a.nodes - 1 - i, len(found)
-    high, end = min(made.high[m], rest + 1), min(made.high[m], rest)
-    far = np.float32(made.within[m, rest] - made.summed[m, rest])
-    won = np.float32(made.within[m, rest] * gain)
-    before = np.zeros(lanes, np.float32)
-    bulge = np.zeros(lanes, np.float32)
-    for j in range(high):
-        for c in range(lanes):
-            before[c] += made.hat[m, j] * value[i + j, c]
-    for j in range(1, end):
-        for c in range(lanes):
-            bulge[c] += made.bulge[m, j] * _kink(value, i + j - 1, c)
+    nodes, lanes = len(value), len(found)
+    rest = nodes - 1 - i
+    far, won = np.float32(ends[0]), np.float32(ends[1])
     for c in range(lanes):
-        before[c] += far * value[a.nodes - 1, c] + max(bulge[c], last[c]) + won
-        last[c] = bulge[c]
-    if a.counted[m]:
-        _one_fewer(a, before, found)
-    else:
-        found[:] = before
+        room[0, c] = room[1, c] = 0.0
+    for j in range(min(high, rest + 1)):
+        for c in range(lanes):
+            room[0, c] += hat[j] * value[i + j, c]
+    for j in range(1, min(high, rest, len(bulge))):
+        for c in range(lanes):
+            room[1, c] += bulge[j] * _kink(value, i + j - 1, c)
+    for c in range(lanes):
+        found[c] = room[0, c] + far * value[nodes - 1, c] + max(room[1, c], last[c]) + won
+        last[c] = room[1, c]
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -352,6 +360,10 @@ def backward(
         here = max(here, a.first_made[p + 1] - a.first_made[p])
     last = np.zeros((len(w.value), here, lanes), np.float32)
     best, done, found = np.zeros(lanes, np.float32), np.zeros(lanes, np.float32), np.zeros(lanes, np.float32)
+    made_now = np.zeros_like(best)
+    bulging = a.nodes if legs.bulging else 0
+    open_end = -1 if a.whole else a.counts - 1
+    plain, by_plain, room = np.zeros_like(best), np.zeros_like(best), np.zeros((2, lanes), np.float32)
     count, most = len(a.origin), 0.0
     for p in range(len(a.bits)):
         most = max(most, np.maximum(gain[a.first_made[p] : a.first_made[p + 1]], 0.0).sum())
@@ -361,30 +373,46 @@ def backward(
             past_block(a, legs, w, i // BLOCK * BLOCK, past)
         before_legs(a, legs, w, i, top, most, past, by, left)
         for p in range(len(a.bits)):
+            for c in range(lanes):  # legs that keep nothing are the same for all that is remembered
+                plain[c], by_plain[c] = a.penalty, -1.0
+            for e in range(a.first_leg[p], a.first_leg[p + 1]):
+                if not a.common[e]:
+                    _take_better(by[a.leg_base[e]], e, plain, by_plain)
             for bits in range((1 << a.bits[p]) - 1, -1, -1):
                 s = a.base[p] + bits
-                best[:], done[:] = a.penalty, -1
+                for c in range(lanes):
+                    best[c], done[c] = plain[c], by_plain[c]
                 for e in range(a.first_leg[p], a.first_leg[p + 1]):
-                    _take_better(by[a.key[a.key_base[e] + bits]], e, best, done)
-                for m in range(a.first_made[p], a.first_made[p + 1]):
-                    won = gain[m] - prices[m] * (a.weight[s, m - a.first_made[p]] - 1.0)
+                    if a.common[e]:
+                        _take_better(by[a.key[a.key_base[e] + bits]], e, best, done)
+                first = a.first_made[p]
+                for m in range(first, a.first_made[p + 1]):
+                    won = gain[m] - prices[m] * (a.weight[s, m - first] - 1.0)
                     if bits >> a.bit[m] & 1 or i > a.close[m] or won <= 0.0:
                         continue
                     after = w.value[s + (1 << a.bit[m])]
-                    _make(a, made, m, i, won, after, last[s, m - a.first_made[p]], found)
-                    _take_better(found, count + m, best, done)
-                for k in range(len(a.tracked[p])):
+                    within = made.within[m, rest]
+                    ends = within - made.summed[m, rest], within * won
+                    bulge = made.bulge[m, :bulging]
+                    _make(
+                        made.hat[m], bulge, made.high[m], ends, i, after, last[s, m - first], made_now, room
+                    )
+                    if a.counted[m]:
+                        _one_fewer(made_now, open_end, found)
+                        _take_better(found, count + m, best, done)
+                    else:
+                        _take_better(made_now, count + m, best, done)
+                for k in range(a.tracked.shape[1]):
                     b = a.tracked[p, k]
                     if b < 0:
                         break
                     if not bits >> b & 1:
-                        _one_fewer(a, now[s + (1 << b)], found)
+                        _one_fewer(now[s + (1 << b)], open_end, found)
                         _take_better(found, -3 - b, best, done)
                 least = a.alive[s]
                 if rest:
-                    later = w.value[s, i + 1]
                     for c in range(lanes):
-                        best[c] = max(best[c], later[c])
+                        best[c] = max(best[c], w.value[s, i + 1, c])
                 for c in range(least + 1, a.counts):
                     if best[c - 1] > best[c]:
                         best[c], done[c] = best[c - 1], -2
@@ -392,8 +420,9 @@ def backward(
                     best[c] = 0.0  # more tracks are remembered than counted
                 for c in range(a.counts, lanes):
                     best[c] = 0.0
-                w.value[s, i] = best
-                now[s] = best
+                for c in range(lanes):
+                    w.value[s, i, c] = best[c]
+                    now[s, c] = best[c]
                 if asked:
                     for c in range(lanes):
                         w.choice[s, i, c] = np.int16(done[c])

@@ -35,10 +35,10 @@ class Memory:
         return sorted(m for m in self.at[a] if m in kept and m in self.at[b])
 
 
-EACH, WAY, STATE, STATE_LEG = 0.6, 68.0, 55.0, 1.3
+EACH, WAY, STATE = 0.6, 22.0, 57.0
 """What a product of a drive takes, in moves of `Step.PRICED`, and what a leg-state and a state take at each
-node, the latter with more for each leg from its place. By hand, on 15 and 30 targets at load 3, where tables
-do not fit into the processor's cache."""
+node. By hand, on 15 and 30 targets with 65 and 385 nodes at load 10, where tables do not fit into the
+processor's cache."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,6 @@ class Wanted:
 class Size:
     """What a relaxation has of states and of leg-states, for each count of tracks and node."""
 
-    places: int
     legs: int
     counts: int  # of tracks, idle ones among them
     nodes: int
@@ -79,7 +78,7 @@ class Size:
         states = sum(2.0 ** len(own) for own in memory.at)
         legs = legs_of(model)
         ways = sum(2.0 ** len(memory.common(a, b)) for a, b in legs)
-        return Size(len(memory.at), len(legs), counts, steps + 1, states, ways)
+        return Size(len(legs), counts, steps + 1, states, ways)
 
     def with_more(self, states: float, ways: float) -> Size:
         """Return the size with so many more states and leg-states."""
@@ -89,8 +88,7 @@ class Size:
     def seconds(self) -> float:
         """What a question takes of a processor, as reckoned."""
         drives = self.ways * (EACH * self.nodes + WAY)
-        states = self.states * (STATE + STATE_LEG * self.legs / self.places)
-        return self.counts * self.nodes * (drives + states) * SECONDS[Step.PRICED]
+        return self.counts * self.nodes * (drives + STATE * self.states) * SECONDS[Step.PRICED]
 
     @property
     def table_mb(self) -> float:

@@ -29,7 +29,7 @@ import numpy as np
 
 from planner.contingency.by_place.kernels import Drives, Masses, Singles, Tables, backward, forward
 from planner.contingency.by_place.layout import Memory, Size, Wanted, lanes_of, layout_of, legs_of
-from planner.contingency.by_place.masses_above import FINE, fine_cells, later, masses_above
+from planner.contingency.by_place.masses_above import FINE, LESS_FINE, fine_cells, later, masses_above
 from planner.contingency.by_place.walks import Walks, walk
 from planner.contingency.priced_relaxation import Weights
 from planner.evaluate.model import Floats, Ints, Model
@@ -64,15 +64,16 @@ class Actions:
         wanted = Wanted.of(model)
         most = min(most, int(wanted.counted.sum()))
         legs = legs_of(model)
-        spend(Step.ELEMENT, 2 * len(legs) * (most + 1) * FINE)
+        fine = FINE if above else LESS_FINE
+        spend(Step.ELEMENT, 2 * len(legs) * (most + 1) * fine)
         each_s = weights.per_s * model.track_leg_s
         drives = (
             later(cells, c * each_s)
-            for cells in (fine_cells(model.leg_ln[leg], weights, steps) for leg in legs)
+            for cells in (fine_cells(model.leg_ln[leg], weights, steps, fine) for leg in legs)
             for c in range(most + 1)
         )
         driven = masses_above(drives, len(legs) * (most + 1), steps + 1, drives=True, above=above)
-        seen = (fine_cells(model.obs_ln[m], weights, steps) for m in wanted.number)
+        seen = (fine_cells(model.obs_ln[m], weights, steps, fine) for m in wanted.number)
         made = masses_above(seen, len(wanted.number), steps + 1, drives=False, above=above)
         return Actions(weights, steps, most, _side_by_side(driven, most + 1, bulging=above), made)
 
