@@ -6,8 +6,10 @@ import copy
 import hashlib
 import io
 import json
+import shutil
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,30 +19,50 @@ from sqlalchemy import update
 
 from executive.crl import canonical_text, digest, parse
 from ground.gdr.history import GENESIS
+from ground.gdr.repository import open_repository
 from ground.resources.approvals.row import ApprovalRow
 from ground.resources.packages.row import SignatureRow, StatementRow
+from ground.resources.people.accounts import ensure_profiles
 from ground.resources.plans.row import PlanRow
 from ground.resources.problems.row import ProblemRow
 from ground.uplink.keys import id_of, public_text, sign
 from ground.uplink.training import Team
 from ground.uplink.verify import read_package
 from tests.ground.approving import forged, hand_in, registered, signed_by_all, team_of, waived
-from tests.ground.conftest import Api, yard
+from tests.ground.conftest import Api, open_api, settings_for, yard
 from tests.ground.test_day_over_rest import file_requests, finished, planned
 from tests.ground.test_missions_api import problem, upload
 
 EVIL = canonical_text(parse("(plan :id p :node (task :id go :action safemode))"))
 
 
+@pytest.fixture(scope="module")
+def day(
+    sqlite_template: Path, terrain_folder: Path, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, dict[str, Any]]:
+    """Give a data folder with a verified plan of Planner's, and the plan."""
+    folder = tmp_path_factory.mktemp("verified")
+    shutil.copyfile(sqlite_template, folder / "outcrop.db")
+    repo = open_repository(settings_for(folder))
+    ensure_profiles(repo)
+    with contextmanager(open_api)(repo) as api:
+        mission = yard(repo, terrain_folder)
+        file_requests(api, mission)
+        plan = planned(api, mission)
+        order = {"plan_id": plan["id"], "seed": 4}
+        finished(api, api.post(f"/missions/{mission.id}/runs", order, status=202))
+    repo.database.dispose()
+    return folder, plan
+
+
 @pytest.fixture
-def verified(sqlite_api: Api, terrain_folder: Path) -> tuple[Api, dict[str, Any]]:
-    """Give a verified plan of Planner's."""
-    mission = yard(sqlite_api.repo, terrain_folder)
-    file_requests(sqlite_api, mission)
-    plan = planned(sqlite_api, mission)
-    order = {"plan_id": plan["id"], "seed": 4}
-    finished(sqlite_api, sqlite_api.post(f"/missions/{mission.id}/runs", order, status=202))
-    return sqlite_api, plan
+def verified(day: tuple[Path, dict[str, Any]], tmp_path: Path) -> Iterator[tuple[Api, dict[str, Any]]]:
+    """Give a verified plan of Planner's in a copy of its own."""
+    shutil.copytree(day[0], tmp_path / "data")
+    repo = open_repository(settings_for(tmp_path / "data"))
+    with contextmanager(open_api)(repo) as api:
+        yield api, copy.deepcopy(day[1])
+    repo.database.dispose()
 
 
 def tampered(api: Api, plan: str, **columns: Any) -> None:
