@@ -99,6 +99,8 @@ def make_table(arguments: argparse.Namespace) -> None:
     print(f"{chosen.purpose} seeds {chosen.values}", flush=True)
     arguments.purpose = chosen.purpose
     path: Path = arguments.network
+    head = ["git", "rev-parse", "--short", "HEAD"]
+    commit = subprocess.run(head, capture_output=True, text=True, check=True).stdout.strip()
     arguments.folder.mkdir(parents=True, exist_ok=True)
     name, net = hashlib.sha256(path.read_bytes()).hexdigest()[:12], Net.read(path)
     domains = arguments.domains or [d for d in ASKED if not (arguments.tuning and d == "photographs")]
@@ -116,11 +118,11 @@ def make_table(arguments: argparse.Namespace) -> None:
             like = ratio_like(of_method(everything, method), of_method(everything, SIFT))
             print(f"{method}: as precise as the product up to a ratio of {like * RATIOS[method]:.3f}")
     if arguments.out is not None:
-        report(text, chosen, name, arguments.out)
+        report(text, chosen, name, commit, arguments.out)
 
 
-def report(text: str, seeds: Seeds, name: str, docs: Path) -> None:
-    """Write the table into the page of results.
+def report(text: str, seeds: Seeds, name: str, commit: str, docs: Path) -> None:
+    """Write the table of a network and of the commit that the run began with into the page of results.
 
     Raises
     ------
@@ -128,7 +130,5 @@ def report(text: str, seeds: Seeds, name: str, docs: Path) -> None:
         If the seeds are those that ratios were set on.
     """
     seeds.require_reporting()
-    head = ["git", "rev-parse", "--short", "HEAD"]
-    commit = subprocess.run(head, capture_output=True, text=True, check=True).stdout.strip()
     span = f"Seeds {seeds.values[0]} to {seeds.values[-1]}, drawn when the command ran"
     write_section(docs, "tracking", "learned", f"{span}; network {name}; commit {commit}.\n\n{text}")

@@ -13,6 +13,7 @@ from rover_iface.cameras.model import CameraModel, pinhole
 from rover_iface.vision.sift_features import detect, mutual
 from studies.common.domain_split import TUNING_SEEDS, tuning
 from studies.common.perception_worlds import Shot
+from studies.learned_matcher.__main__ import NETWORK
 from studies.learned_matcher.contest import (
     Matches,
     Outcome,
@@ -167,7 +168,7 @@ def test_only_training_seeds_train() -> None:
 
 def test_tuned_figures_are_not_written(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="not reported"):
-        report("", tuning(2), "", tmp_path)
+        report("", tuning(2), "", "", tmp_path)
 
 
 def test_what_shows_the_same_surface_is_no_rival() -> None:
@@ -307,3 +308,27 @@ def test_ratio_is_set_where_precision_is_the_products() -> None:
     product = outcome([0.5] * 10, [0.1] * 9 + [9.0])  # 90 %
     other = outcome([0.1 * n for n in range(1, 13)], [0.1] * 9 + [9.0, 9.0, 9.0])
     assert ratio_like([other], [product]) == pytest.approx(1.0)
+
+
+def test_kept_network_is_read_by_opencv_and_answers_patch_by_patch() -> None:
+    net = Net.read(NETWORK)
+    rng = np.random.default_rng(8)
+    patches = cut(picture(8), rng.uniform(20, 220, (AT_ONCE + 20, 2)), rng.uniform(16, 40, AT_ONCE + 20))
+    vectors = described(net, patches)
+    assert vectors.shape == (AT_ONCE + 20, 64)
+    assert np.allclose(np.linalg.norm(vectors, axis=1), 1.0, atol=1e-5)
+    order = rng.permutation(len(patches))
+    assert np.allclose(described(net, patches[order]), vectors[order], atol=1e-5)
+
+
+def test_kept_network_knows_a_patch_again_that_is_turned_noisy_and_darker() -> None:
+    net, image = Net.read(NETWORK), cv2.GaussianBlur(picture(9), (0, 0), 1.0)
+    rng = np.random.default_rng(9)
+    middles = np.array([(x, y) for x in range(24, 220, 12) for y in range(24, 220, 12)], dtype=float)
+    sides = np.full(len(middles), 28.0)
+    darker = (0.4 * image + rng.normal(0, 0.004, image.shape)).astype(np.float32)
+    vectors = described(net, cut(image, middles, sides))
+    again = described(
+        net, cut(darker, middles + rng.normal(0, 0.5, middles.shape), 1.15 * sides, 0.08 + 0 * sides)
+    )
+    assert ((vectors @ again.T).argmax(axis=1) == np.arange(len(middles))).mean() > 0.97
