@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import threading
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,13 @@ AT_ONCE = 256
 
 @dataclass(frozen=True, slots=True)
 class Net:
-    """A network of `cv2.dnn` (`setInput`, `forward`): patches (n, 1, 32, 32) to vectors (n, d, 1, 1)."""
+    """A network of `cv2.dnn` (`setInput`, `forward`): patches (n, 1, 32, 32) to vectors (n, d, 1, 1).
+
+    It keeps its input between both calls, so that threads must take turns.
+    """
 
     run: Any
+    one_at_a_time: threading.Lock = field(default_factory=threading.Lock)
 
     @staticmethod
     def read(path: Path) -> Net:
@@ -46,8 +51,9 @@ def described(net: Net, patches: Grey) -> npt.NDArray[np.float32]:
         part = patches[first : first + AT_ONCE, None]
         given = np.zeros((AT_ONCE, *part.shape[1:]), np.float32)
         given[: len(part)] = part
-        net.run.setInput(given)
-        parts.append(np.array(net.run.forward()).reshape(AT_ONCE, -1)[: len(part)])
+        with net.one_at_a_time:
+            net.run.setInput(given)
+            parts.append(np.array(net.run.forward()).reshape(AT_ONCE, -1)[: len(part)])
     if not parts:
         return np.empty((0, 0), np.float32)
     vectors = np.concatenate(parts)

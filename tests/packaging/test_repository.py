@@ -181,7 +181,9 @@ def test_studies_and_benchmarks_named_in_the_docs_exist() -> None:
     named = set(re.findall(r"-m ((?:studies|benchmarks)\.[\w.]*\w)", text))
     named |= {n.replace("/", ".") for n in re.findall(r"`((?:studies|benchmarks)/[\w/]+)\.py", text)}
     assert {"studies.full_day", "studies.subframe_day"} <= named
-    assert {n for n in named if not (ROOT / (n.replace(".", "/") + ".py")).is_file()} == set()
+    places = {n: n.replace(".", "/") for n in named}
+    files = {n: (ROOT / f"{at}.py", ROOT / at / "__main__.py") for n, at in places.items()}
+    assert {n for n, either in files.items() if not any(file.is_file() for file in either)} == set()
 
 
 def test_files_named_in_the_pages_on_how_to_add_exist() -> None:

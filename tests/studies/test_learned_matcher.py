@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -332,3 +333,13 @@ def test_kept_network_knows_a_patch_again_that_is_turned_noisy_and_darker() -> N
         net, cut(darker, middles + rng.normal(0, 0.5, middles.shape), 1.15 * sides, 0.08 + 0 * sides)
     )
     assert ((vectors @ again.T).argmax(axis=1) == np.arange(len(middles))).mean() > 0.97
+
+
+def test_threads_that_share_a_network_take_turns() -> None:
+    net = Net.read(NETWORK)
+    rng = np.random.default_rng(10)
+    batches = [cut(picture(n), rng.uniform(30, 200, (300, 2)), np.full(300, 24.0)) for n in range(4)]
+    alone = [described(net, batch) for batch in batches]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(lambda batch: described(net, batch), batches))
+    assert all(np.array_equal(a, b) for a, b in zip(alone, together, strict=True))
