@@ -263,11 +263,9 @@ def sums(found: list[Outcome]) -> Sums:
     reach_px = 0.5 * DrapeOptions().search_px[0]  # of whole pictures; these are half as large
     for one in found:
         right, wrong = one.count()
-        total.right, total.wrong, total.shown = (
-            total.right + right,
-            total.wrong + wrong,
-            total.shown + one.shown,
-        )
+        total.right += right
+        total.wrong += wrong
+        total.shown += one.shown
         total.seconds.append(one.seconds)
         total.agree += [] if one.agree is None else [one.agree]
         if one.agree is not None and one.target_px is not None and one.agree >= limits.least_features:
@@ -275,8 +273,8 @@ def sums(found: list[Outcome]) -> Sums:
             total.misled += one.target_px > reach_px
     doubts = np.concatenate([one.doubts for one in found])
     offs = np.concatenate([one.offs for one in found])[np.argsort(doubts, kind="stable")]
-    right, wrong = np.cumsum(offs <= RIGHT_PX), np.cumsum(offs > WRONG_PX)
-    precise = right[right >= PRECISE * (right + wrong)]
+    rights, wrongs = np.cumsum(offs <= RIGHT_PX), np.cumsum(offs > WRONG_PX)
+    precise = rights[rights >= PRECISE * (rights + wrongs)]
     total.curve = int(precise.max(initial=0)) / max(1, total.shown)
     return total
 

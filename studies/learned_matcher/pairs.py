@@ -72,8 +72,9 @@ def put(shot: Shot, pixels: Array, into: Shot) -> tuple[Array, Array, Array]:
     away = np.linalg.norm(points - camera.C, axis=1)
     with np.errstate(invalid="ignore"):
         shown = np.abs(_ranges(into, there) - away) < SAME_SHARE * away
+        growth = ranges / away * camera.hs / half_camera(shot.true).hs
     there[~shown] = np.nan
-    return points, there, ranges / away * camera.hs / half_camera(shot.true).hs
+    return points, there, growth
 
 
 def _ranges(shot: Shot, pixels: Array) -> Array:
@@ -81,7 +82,7 @@ def _ranges(shot: Shot, pixels: Array) -> Array:
     rows, columns = shot.range_m.shape
     with np.errstate(invalid="ignore"):
         full = np.round(2.0 * pixels + 0.5)
-        inside = ((full >= 0) & (full < (columns, rows))).all(axis=1)
+        inside = np.all((full >= 0) & (full < (columns, rows)), axis=1)
     at = np.where(inside[:, None], full, 0.0).astype(np.int64)
     return np.where(inside, shot.range_m[at[:, 1], at[:, 0]].astype(np.float64), np.nan)
 

@@ -56,7 +56,8 @@ class Keys:
 def stretched(image: Grey) -> npt.NDArray[np.uint8]:
     """Return an image (rows, columns) in 8 bits, its range stretched as `sift_features.detect` does."""
     low, high = np.percentile(image[::3, ::3], (0.5, 99.5))
-    return np.clip(255.0 * (image - low) / max(1e-6, float(high - low)), 0, 255).astype(np.uint8)
+    shown = np.clip(255.0 * (image - low) / max(1e-6, float(high - low)), 0, 255)
+    return np.asarray(shown, dtype=np.uint8)
 
 
 def find_keys(image: Grey, most: int = 2500, seen: Grey | None = None) -> Keys:

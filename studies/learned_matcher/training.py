@@ -56,7 +56,7 @@ def rivals_of(points: Array, radius_m: Array, world: npt.NDArray[np.int64]) -> n
     """
     apart = np.linalg.norm(points[:, None] - points[None], axis=2)
     near = apart < OVERLAP * np.maximum(radius_m[:, None], radius_m[None])
-    return ~near | (world[:, None] != world[None])
+    return np.asarray(~near | (world[:, None] != world[None]))
 
 
 class Corpus:
