@@ -6,7 +6,10 @@ All of it are functions of place, so that rasters of different spacing agree whe
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import wraps
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +24,32 @@ from rover_iface.terrain.grid import HeightLayer
 from rover_iface.terrain.rocks import Rock, draw_rocks
 
 Array = NDArray[np.floating]
+T = TypeVar("T")
+
+
+def _kept_of_a_raster(part: Callable[[Landscape, Array, Array], T]) -> Callable[[Landscape, Array, Array], T]:
+    """Keep what a part of the ground was on the raster that was asked last: ground, colours and other parts
+    ask for the same one in turn.
+    """
+
+    @wraps(part)
+    def asked(site: Landscape, xs: Array, ys: Array) -> T:
+        key = xs.tobytes(), ys.tobytes()
+        known = site.last.get(part.__name__)
+        if known is None or known[0] != key:
+            known = key, part(site, xs, ys)
+            site.last[part.__name__] = known
+        return known[1]
+
+    return asked
 
 
 GAUGE_M, RUT_M, RUT_DEPTH_M = 0.73, 0.12, 0.015
 """Ruts: distance between the two, width and depth; those of the K9 and MER class."""
+
+
+SLAB_M = 0.85
+"""Size of the slabs of an outcrop."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +100,7 @@ class Landscape:
 
     def __init__(self, recipe: Recipe) -> None:
         self.recipe = recipe
+        self.last: dict[str, tuple[tuple[bytes, bytes], Any]] = {}
         size = recipe.size_m
         streams = {
             name: np.random.default_rng([recipe.seed, k])
@@ -109,6 +135,7 @@ class Landscape:
 
     # ---- parts of the ground, each on the raster xs x ys
 
+    @_kept_of_a_raster
     def outcrop_mask(self, xs: Array, ys: Array) -> Array:
         """Return where slabs lie open, 0..1."""
         x, y = self.outcrop_xy
@@ -118,6 +145,7 @@ class Landscape:
         rim = 0.16 if self.recipe.geology is None else 0.6
         return smooth_step((edge - distance) / (rim * self.outcrop_radius))
 
+    @_kept_of_a_raster
     def ripple_mask(self, xs: Array, ys: Array) -> Array:
         """Return where sand lies in ripples, 0..1."""
         x, y = self.ripple_xy
@@ -125,6 +153,7 @@ class Landscape:
         edge = self.ripple_radius * (1 + 0.3 * self.warp.at(xs, ys))
         return smooth_step((edge - distance) / (0.5 * self.ripple_radius))
 
+    @_kept_of_a_raster
     def _ripple(self, xs: Array, ys: Array) -> Array:
         """Return crests from -1 to 1, steeper on the lee side."""
         c, s = math.cos(self.ripple_angle), math.sin(self.ripple_angle)
@@ -143,6 +172,7 @@ class Landscape:
         shape: Array = np.where(r < 1, bowl, rim * np.exp(-((r - 1) ** 2) / 0.16))
         return shape
 
+    @_kept_of_a_raster
     def ruts(self, xs: Array, ys: Array) -> Array:
         """Return how deep wheels have pressed the ground, 0..1: two ruts on a winding way to the origin."""
         c, s = math.cos(self.track_angle), math.sin(self.track_angle)
@@ -174,7 +204,8 @@ class Landscape:
             height += step * (smooth_step((across - edge) / ramp) - 0.5)
         return height
 
-    def cracks(self, xs: Array, ys: Array, cell_m: float = 0.85) -> tuple[Array, Array]:
+    @_kept_of_a_raster
+    def cracks(self, xs: Array, ys: Array) -> tuple[Array, Array]:
         """Return distance to the nearest crack between slabs, metres, and a number per slab, inside the
         outcrop.
         """
@@ -184,8 +215,8 @@ class Landscape:
         x = xs[None, :] + 0.16 * self.warp.at(xs, ys) + 0.05 * wobble
         y = ys[:, None] + 0.16 * self.tone.at(xs, ys) - 0.05 * wobble
         where = self.outcrop_mask(xs, ys) > 0
-        distance, label = cell_borders(x / cell_m, y / cell_m, where, self.recipe.seed)
-        return distance * cell_m, label
+        distance, label = cell_borders(x / SLAB_M, y / SLAB_M, where, self.recipe.seed)
+        return distance * SLAB_M, label
 
     def ground(self, xs: Array, ys: Array) -> Array:
         """Return heights, m, without rocks on the raster [len(ys), len(xs)]."""

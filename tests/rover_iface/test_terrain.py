@@ -28,6 +28,7 @@ from rover_iface.terrain import (
     stereo_covariance,
     write_terrain,
 )
+from rover_iface.terrain.landscape import Landscape
 from rover_iface.terrain.rocks import golombek_rapp_cover, rock_density, rock_meshes
 from tests.rover_iface.worlds import bumpy, generated, plane
 from tests.shared import shared
@@ -504,3 +505,13 @@ def test_a_disk_that_fills_up_leaves_the_terrain_that_was_there(
         write_terrain(generate_terrain(2, 16.0, inner_m=16.0), folder)
     assert told.value.filename == str(folder)
     assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
+
+
+def test_parts_of_a_landscape_that_are_kept_are_those_of_the_raster_that_is_asked() -> None:
+    recipe = Recipe(seed=3, size_m=32.0, inner_m=16.0)
+    site, coarse, fine = Landscape(recipe), np.arange(-8.0, 8.0, 0.5), np.arange(-8.0, 8.0, 0.25)
+    for axis in (coarse, fine, fine, coarse):
+        new = Landscape(recipe)
+        assert np.array_equal(site.ground(axis, axis), new.ground(axis, axis))
+        assert all(map(np.array_equal, site.cracks(axis, axis), new.cracks(axis, axis)))
+        assert np.array_equal(site.outcrop_mask(axis, axis[::2]), new.outcrop_mask(axis, axis[::2]))
