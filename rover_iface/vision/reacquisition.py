@@ -100,8 +100,8 @@ class ReacquisitionOptions:
         2 to 4), and that tell it without patches.
     least_tried, proof
         Features whose pose is tried though they are too few to be believed, and the patches that must agree
-        on it then. Of 323 poses that were wrong by 40 px and more 99 % had 23 patches or fewer, of right ones
-        none fewer than 53 (tuning seeds 0 to 10, 181691933).
+        on it then. Of 321 that stayed wrong by 40 px and more none had more than 24, of right ones none fewer
+        than 53 (tuning seeds 0 to 10, 181691933).
     drape
         Those of the patches; they lie round the target.
     margin_px
