@@ -14,6 +14,7 @@
     |-- RenderError               an image cannot be made (camera below ground, target behind it)
     |-- PlacementError            no pose from which the instrument reaches the target
     |-- TrackerError              misuse of a tracker
+    |-- WeightsError              a trained network's file is missing or is not what it should be
     |-- LocalizationError         rocks, poses or frame solutions cannot be used to localise the rover
     |-- WorldError                a world, fault or problem document is malformed
     |-- MappingError              a mapping to ROS 2 is malformed or contradicts its dictionary
@@ -78,6 +79,10 @@ class PlacementError(RoverError):
 
 class TrackerError(RoverError):
     """A tracker is used out of order."""
+
+
+class WeightsError(RoverError):
+    """The file of a trained network is missing, too large, or is not one of its kind."""
 
 
 class LocalizationError(RoverError):

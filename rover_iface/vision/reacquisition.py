@@ -28,8 +28,17 @@ from rover_iface.errors import CameraError, RenderError, TrackerError
 from rover_iface.frames import Transform
 from rover_iface.vision.drape import SIGMA_PX, DrapeOptions, drape, find_draped, on_plane
 from rover_iface.vision.handoff import Side
+from rover_iface.vision.learned import descriptor
 from rover_iface.vision.resection import resect
-from rover_iface.vision.sift_features import Descriptors, Features, detect, find_features, mutual
+from rover_iface.vision.sift_features import (
+    Descriptors,
+    Detector,
+    Features,
+    detect,
+    find_features,
+    mutual,
+    none,
+)
 from rover_iface.vision.sift_motion import Mask, Motion, settle
 from rover_iface.vision.spot_range import range_spot
 from rover_iface.vision.tracker import Image, StereoView
@@ -78,6 +87,23 @@ LookAt = Callable[[Array], StereoView]
 
 
 @dataclass(frozen=True, slots=True)
+class SecondOpinion:
+    """Who is asked for features where SIFT's agree on no pose, or on one that is doubtful.
+
+    Attributes
+    ----------
+    detector
+        Finds and describes them.
+    features, ratio
+        Strongest features of a picture, and the best over the second-best descriptor distance.
+    """
+
+    detector: Detector = descriptor.detect
+    features: int = 1000
+    ratio: float = 0.885
+
+
+@dataclass(frozen=True, slots=True)
 class ReacquisitionOptions:
     """Parameters of re-acquisition.
 
@@ -104,6 +130,8 @@ class ReacquisitionOptions:
         than 53 (tuning seeds 0 to 10, 181691933).
     drape
         Those of the patches; they lie round the target.
+    second
+        The second opinion, if there is one. Its poses are doubtful, however many features agree.
     margin_px
         How far inside a picture the target must lie.
     most_error_px
@@ -128,6 +156,7 @@ class ReacquisitionOptions:
     drape: DrapeOptions = field(
         default_factory=lambda: DrapeOptions(patches=120, reach_m=3.0, least_agree=18)
     )
+    second: SecondOpinion | None = field(default_factory=SecondOpinion)
     margin_px: float = 8.0
     most_error_px: float = 1.0
     sigmas: float = 4.0
@@ -151,7 +180,7 @@ class KnownPair:
 
         They are found in a fifth of the time, and change less with the light.
         """
-        return self._features(_halved(self.side.view))
+        return self._features(halved(self.side.view))
 
     def _features(self, view: StereoView, in_left: tuple[Array, Descriptors] | None = None) -> Features:
         options = self.options
@@ -161,18 +190,21 @@ class KnownPair:
 
     def prepare(self) -> None:
         """Work out what the next call of `reacquire` may need."""
-        _ = self.features, self.side.cloud
+        _ = self.features, self._second_features, self.side.cloud
 
     def pose(self, view: StereoView) -> Motion | str:
         """Return the motion that most features agree on, from the frame of what is known to that of a new
-        pair's cameras; why not, in words. It is doubtful where they are too few to be believed.
+        pair's cameras; why not, in words. It is doubtful where they are too few to be believed, and where
+        the second opinion alone has it, which is asked if SIFT's features tell no sure one.
         """
         if self._posed is None or self._posed[0] is not view:
-            small = _halved(view)
+            small = halved(view)
             in_left = detect(small.left, self.options.features)
-            found = self._agreed(small, in_left)
+            found = self._agreed(self.features, small, in_left, self.options.ratio)
             if isinstance(found, str) or found.doubtful:
                 found = _surer(found, self._level(small, in_left))
+            if isinstance(found, str) or found.doubtful:
+                found = _surer(found, self._second(small))
             self._posed = view, found
         return self._posed[1]
 
@@ -206,12 +238,14 @@ class KnownPair:
             return f"{agree} features agree on {what}; {least} are needed"
         return _implausible(settled[0], view, options) or replace(settled[0], doubtful=agree < least)
 
-    def _agreed(self, view: StereoView, in_left: tuple[Array, Descriptors]) -> Motion | str:
-        options, old = self.options, self.features
+    def _agreed(
+        self, old: Features, view: StereoView, in_left: tuple[Array, Descriptors], ratio: float
+    ) -> Motion | str:
+        options = self.options
         pixels, descriptors = in_left
         if min(len(pixels), len(old)) < options.least_features:
             return f"{len(old)} and {len(pixels)} features are too few; {options.least_features} are needed"
-        pairs = mutual(old.descriptors, descriptors, options.ratio)
+        pairs = mutual(old.descriptors, descriptors, ratio)
         one, two = pairs[:, 0], pairs[:, 1]
         settled = resect(
             old.points[one],
@@ -222,6 +256,29 @@ class KnownPair:
             sigma_px=SIGMA_PX,
         )
         return self._judged(settled, "a pose", options.least_features, view)
+
+    @cached_property
+    def _second_features(self) -> Features:
+        """Return the features of the pair as the second opinion has them, ranged; none if there is none."""
+        second, options = self.options.second, self.options
+        if second is None:
+            return none()
+        return find_features(
+            halved(self.side.view),
+            count=second.features,
+            ratio=options.ratio,
+            row_px=ROW_PX,
+            detector=second.detector,
+        )
+
+    def _second(self, view: StereoView) -> Motion | str:
+        """Return the motion that most features of the second opinion agree on: doubtful, as SIFT has none."""
+        second = self.options.second
+        if second is None:
+            return "nobody else is asked"
+        in_left = second.detector(view.left, second.features)
+        found = self._agreed(self._second_features, view, in_left, second.ratio)
+        return f"asked again: {found}" if isinstance(found, str) else replace(found, doubtful=True)
 
 
 def _surer(one: Motion | str, other: Motion | str) -> Motion | str:
@@ -278,7 +335,7 @@ def level_motion(
     return Transform(turns[near[best]], shifts[near[best]]), agree[best]
 
 
-def _halved(view: StereoView) -> StereoView:
+def halved(view: StereoView) -> StereoView:
     """Return a pair at half its scale, its contrast even."""
     import cv2
 
@@ -288,13 +345,13 @@ def _halved(view: StereoView) -> StereoView:
         small = cv2.resize(
             image[: 2 * rows, : 2 * columns], (columns, rows), interpolation=cv2.INTER_AREA
         ).astype(np.float32)
-        sides.append((_even(small), camera.window(0, 0, 2 * columns, 2 * rows).scaled(0.5)))
+        sides.append((even(small), camera.window(0, 0, 2 * columns, 2 * rows).scaled(0.5)))
     (left, left_camera), (right, right_camera) = sides
     return StereoView(left, right, left_camera, right_camera, view.t_s, view.travelled_m)
 
 
-def _even(image: Image) -> Image:
-    """Return how far each pixel (rows, columns) is from the mean round it, in deviations of what is there."""
+def even(image: Image) -> Image:
+    """Return how far each pixel [rows, columns] is from the mean round it, in deviations of what is there."""
     import cv2
 
     image = np.nan_to_num(image)
@@ -381,7 +438,7 @@ def searched(known: KnownPair, point: Array) -> Generator[Array, StereoView | No
             if found.accepted:
                 return found
         if rough.doubtful and (found is None or found.motion is None):
-            why = f"{rough.inliers} features are too few for a pose, and no patches prove it"
+            why = f"{rough.inliers} features leave the pose doubtful, and no patches prove it"
             continue
         # at an edge little is seen round it
         again = yield there
@@ -446,8 +503,12 @@ def sharpened(known: KnownPair, point: Array, view: StereoView, rough: Motion) -
         agreeing = 0 if draped is None else draped.motion.inliers
         if draped is not None and agreeing >= least:
             motion = draped.motion
-    if motion is rough and rough.inliers < options.many_features:
-        needed = f"{options.many_features} or {least} are needed"
+    if motion is rough and (rough.doubtful or rough.inliers < options.many_features):
+        needed = (
+            f"{least} patches are needed"
+            if rough.doubtful
+            else f"{options.many_features} or {least} are needed"
+        )
         return f"{rough.inliers} features and {agreeing} patches agree; {needed}"
     return _implausible(motion, view, options) or (_in_light(motion, side.view, view), agreeing)
 

@@ -1,4 +1,4 @@
-"""SIFT features of a stereo pair, ranged, and their matches: left to right and before to after.
+"""Features of a stereo pair, ranged, and their matches: left to right and before to after.
 
 Matches are gated before descriptors are compared: a right feature must lie on the left one's epipolar line, a
 new feature where the pose estimate puts the old one. A rival outside the gate cannot spoil the ratio test.
@@ -7,6 +7,7 @@ new feature where the pose estimate puts the old one. A rival outside the gate c
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +20,21 @@ from rover_iface.vision.tracker import Image, StereoView
 
 Descriptors = npt.NDArray[np.float32]
 NEAREST_M, FARTHEST_M = 0.3, 60.0
+CELLS = 6
+"""Parts of an image, either way, that share the features."""
+
+
+class Detector(Protocol):
+    """Find the features of an image (rows, columns) and describe them: pixels (n, 2) and descriptors (n, d).
+
+    At most `count`, the strongest of all parts of the image; an image without any gives none of either. What
+    looks alike has descriptors that are near each other, by the sum of squares. The same image gives the same
+    answer, and threads may ask at the same time.
+    """
+
+    def __call__(self, image: Image, count: int) -> tuple[Array, Descriptors]:
+        """Return pixels (n, 2) and descriptors (n, d), float32."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +50,7 @@ class Features:
     left_px, right_px
         (n, 2), pixels.
     descriptors
-        (n, 128), of the left image.
+        (n, d), of the left image; SIFT's have 128 numbers.
     """
 
     points: Array
@@ -66,13 +82,16 @@ def find_features(
     ratio: float,
     row_px: float,
     in_left: tuple[Array, Descriptors] | None = None,
+    detector: Detector | None = None,
 ) -> Features:
     """Return the features of a pair that both images show, at most `count` an image, strongest first.
 
-    `in_left` are those of the left image, pixels (n, 2) and descriptors (n, 128), if they are known already.
+    `in_left` are those of the left image, pixels (n, 2) and descriptors (n, d), if they are known already;
+    `detector` is SIFT unless another is given.
     """
+    found_by = detector or detect
     images = (view.left, view.right) if in_left is None else (view.right,)
-    found = side_by_side(lambda image: detect(image, count), images)
+    found = side_by_side(lambda image: found_by(image, count), images)
     left, right = found if in_left is None else (in_left, *found)
     if len(left[0]) < 2 or len(right[0]) < 2:
         return none()
@@ -106,34 +125,43 @@ def match_moved(
     return mutual(old.descriptors, new.descriptors, ratio, gate)
 
 
-def detect(image: Image, count: int, cells: int = 6) -> tuple[Array, Descriptors]:
+def detect(image: Image, count: int) -> tuple[Array, Descriptors]:
     """Return pixels (n, 2) and descriptors (n, 128) of the strongest features of an image (rows, columns) by
     SIFT (Lowe 2004).
-
-    Strongest within each of `cells` x `cells` parts of the image, so that one garish thing in view does not
-    take the places of all the rest.
     """
     import cv2
 
     image = np.nan_to_num(image)
-    low, high = np.percentile(image[::3, ::3], (0.5, 99.5))
-    grey = np.clip(255.0 * (image - low) / max(1e-6, float(high - low)), 0, 255).astype(np.uint8)
     # without it every feature lies 0.25 px too far right and down (OpenCV's pyramid is doubled off centre)
-    found, descriptors = cv2.SIFT.create(enable_precise_upscale=True).detectAndCompute(grey, None)
+    found, descriptors = cv2.SIFT.create(enable_precise_upscale=True).detectAndCompute(stretched(image), None)
     if descriptors is None or not found:
         return np.empty((0, 2)), np.empty((0, 128), np.float32)
     pixels = np.array([k.pt for k in found], dtype=np.float64)
-    strength = np.array([k.response for k in found])
-    if len(pixels) > count:
-        size = np.array([image.shape[1], image.shape[0]]) / cells
-        cell = np.minimum(pixels // size, cells - 1) @ np.array([1, cells])
-        order = np.lexsort((-strength, cell))
-        first = np.searchsorted(cell[order], cell[order])
-        rank = np.empty(len(order))
-        rank[order] = np.arange(len(order)) - first
-        kept = np.lexsort((-strength, rank))[:count]
-        pixels, descriptors = pixels[kept], descriptors[kept]
-    return pixels, np.asarray(descriptors, dtype=np.float32)
+    kept = strongest(pixels, np.array([k.response for k in found]), count, image.shape)
+    return pixels[kept], np.asarray(descriptors[kept], dtype=np.float32)
+
+
+def stretched(image: Image) -> npt.NDArray[np.uint8]:
+    """Return an image [rows, columns] in 8 bits; 1 % of it is beyond either end of their range."""
+    low, high = np.percentile(image[::3, ::3], (0.5, 99.5))
+    return np.clip(255.0 * (image - low) / max(1e-6, float(high - low)), 0, 255).astype(np.uint8)
+
+
+def strongest(pixels: Array, strength: Array, count: int, shape: tuple[int, ...]) -> npt.NDArray[np.int64]:
+    """Return the numbers (k,) of the strongest features, at most `count`.
+
+    Pixels (n, 2) and strengths (n,) in an image of a shape (rows, columns). Strongest within each of `CELLS`
+    x `CELLS` parts of it, so that one garish thing in view does not take the places of all the rest.
+    """
+    if len(pixels) <= count:
+        return np.arange(len(pixels))
+    size = np.array([shape[1], shape[0]]) / CELLS
+    cell = np.minimum(pixels // size, CELLS - 1) @ np.array([1, CELLS])
+    order = np.lexsort((-strength, cell))
+    first = np.searchsorted(cell[order], cell[order])
+    rank = np.empty(len(order))
+    rank[order] = np.arange(len(order)) - first
+    return np.lexsort((-strength, rank))[:count]
 
 
 def mutual(
@@ -144,7 +172,7 @@ def mutual(
     `gate` (len(a), len(b)) says which pairs are possible at all. A feature without a rival in its gate passes
     the ratio test if it is nearer than the median second-best distance allows.
 
-    Descriptors (n, 128); `ratio` is that of Lowe 2004 between the nearest and the second.
+    Descriptors (n, d); `ratio` is that of Lowe 2004 between the nearest and the second.
     """
     if len(a) < 2 or len(b) < 2:
         return np.empty((0, 2), np.int64)

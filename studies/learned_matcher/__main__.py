@@ -8,7 +8,7 @@
 
 Each goes on where it was stopped: `pairs` by world, `train` from its last checkpoint, `table` by `--seed` as
 it was printed. Minutes are of one processor. `train` writes `descriptor.onnx` into the folder; the one that
-the table is of is `studies/results/learned_matcher.onnx`.
+ships, and that the table is of, is in `rover_iface/vision/learned`, with a note of how it was made.
 
 The network follows L2-Net and HardNet (Mishchuk et al. 2017, "Working hard to know your neighbor's margins"):
 a grey patch (32, 32) of zero mean and unit deviation becomes, by seven convolutions, a unit vector (64,), and
@@ -23,8 +23,9 @@ import argparse
 import tempfile
 from pathlib import Path
 
+from rover_iface.vision.learned.descriptor import FILE
+
 IMAGERY = Path(__file__).resolve().parents[2].parent / "shared/data/imagery"
-NETWORK = Path(__file__).resolve().parents[1] / "results/learned_matcher.onnx"
 
 
 def main() -> None:
@@ -38,7 +39,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int)
     parser.add_argument("--tuning", action="store_true")
     parser.add_argument("--domains", nargs="+")
-    parser.add_argument("--network", type=Path, default=NETWORK)
+    parser.add_argument("--network", type=Path, default=FILE)
     parser.add_argument("--out", type=Path)
     arguments = parser.parse_args()
     if arguments.part == "pairs":

@@ -21,6 +21,7 @@ import numpy.typing as npt
 from rover_iface.cameras.model import CameraModel
 from rover_iface.frames import Pose
 from rover_iface.simulator.render.renderer import Sun
+from rover_iface.vision.learned.descriptor import SIZES, cut
 from studies.common.domain_painters import Painter, painter
 from studies.common.domain_runs import World, world_of
 from studies.common.domain_split import TUNING_SEEDS, Purpose
@@ -29,7 +30,7 @@ from studies.common.reacquisition_worlds import FARTHEST_M, LOST_M, LOST_RAD, NE
 from studies.common.tracking_worlds import PIVOT
 from studies.common.warped import compressed
 from studies.learned_matcher.kept_pairs import STORED, PatchPairs
-from studies.learned_matcher.patches import SIZES, Array, Grey, cut, find_keys, single
+from studies.learned_matcher.patches import Array, Grey, find_keys, single
 
 TRAINING_SEEDS = range(500, TUNING_SEEDS.stop)
 """Worlds of the training; those of tuning seeds below set ratios, none of either is reported."""

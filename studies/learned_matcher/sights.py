@@ -18,9 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from rover_iface.cameras.model import CameraModel
-from rover_iface.vision.reacquisition import ReacquisitionOptions
-from rover_iface.vision.reacquisition import _even as even
-from rover_iface.vision.reacquisition import _halved as halved_pair
+from rover_iface.vision.reacquisition import ROW_PX, ReacquisitionOptions, even
+from rover_iface.vision.reacquisition import halved as halved_pair
 from rover_iface.vision.sift_features import Descriptors, find_features
 from studies.common.domain_split import PAIRS, Purpose
 from studies.common.reacquisition_worlds import Trial, view_of
@@ -29,8 +28,6 @@ from studies.learned_matcher.pairs import half_camera, halved, put
 from studies.learned_matcher.patches import Array, Grey, Keys, find_keys
 from studies.real_overlaps import LEAST_COMMON, Photograph, face, photographs
 
-ROW_PX = 1.5
-"""How far a right feature may be from its epipolar line: that of re-acquisition."""
 FACE_PX, AWAY_PX = 25.0, 12.0
 """How near to a point of the adjustment a photograph's keypoint is, so that the face there says how far away
 it is; and how far from there its match may lie along the epipolar line, as a boulder is not flat."""

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
+from rover_iface.vision.learned.descriptor import Net
 from studies.common.domain_split import Seeds, reporting, tuning
 from studies.common.pages import table, write_section
 from studies.domains import DOMAINS
 from studies.learned_matcher.contest import NAMES, NETWORK, RATIOS, SIFT, Outcome, outcomes, ratio_like, sums
-from studies.learned_matcher.network import Net
 from studies.learned_matcher.sights import Sight, photograph_sights, rendered_sight, warped_sights
 
 ASKED = {**DOMAINS, "photographs": "(c) photographs of a boulder"}

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from rover_iface.vision.learned.descriptor import FILE, LENGTH, PATCH_PX, Net, described
 from studies.learned_matcher.kept_pairs import STORED, PatchPairs
-from studies.learned_matcher.network import NETWORK, Net, described
-from studies.learned_matcher.patches import PATCH_PX, Array, Grey
+from studies.learned_matcher.patches import Array, Grey
 
 LAYERS = (
     (16, 5, 2, 2),
@@ -28,7 +28,7 @@ LAYERS = (
     (32, 3, 1, 1),
     (64, 3, 2, 1),
     (64, 3, 1, 1),
-    (64, 4, 1, 0),
+    (LENGTH, 4, 1, 0),
 )
 """Channels, kernel, stride and padding of each convolution: 2.5 million products a patch, 137,000 weights."""
 GROUPS, OF_GROUP = 4, 128
@@ -175,10 +175,11 @@ def train(folder: Path, minutes: float, seed: int) -> None:
                 flush=True,
             )
     model.eval()
-    write_network(model, folder / NETWORK)
-    off = difference(torch, model, Net.read(folder / NETWORK))
-    size = (folder / NETWORK).stat().st_size
-    print(f"{folder / NETWORK}: {size} bytes, vectors of both programs differ by {off:.1e}")
+    path = folder / FILE.name
+    write_network(model, path)
+    off = difference(torch, model, Net.read(path))
+    size = path.stat().st_size
+    print(f"{path}: {size} bytes, vectors of both programs differ by {off:.1e}")
     if off > EQUAL:
         raise ValueError(f"OpenCV's vectors differ by {off:.1e} from PyTorch's; {EQUAL:.0e} is the limit")
 

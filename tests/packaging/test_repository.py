@@ -14,6 +14,7 @@ from pathlib import Path
 import grimp
 import pytest
 import yaml
+from hatchling.builders.wheel import WheelBuilder
 
 from studies.common.pages import write_section
 
@@ -236,3 +237,11 @@ def test_docs_build_without_a_warning_and_a_dead_link_fails(tmp_path: Path) -> N
     with (tmp_path / "docs" / "index.md").open("a") as file:
         file.write("\n[dead](concepts/odds.md#nothing-of-this-name)\n")
     assert built(tmp_path).returncode != 0
+
+
+def test_the_wheel_holds_what_the_code_reads_beside_itself() -> None:
+    """Whatever git keeps beside modules of the rover: camera presets, profiles, the network and its note."""
+    held = {one.distribution_path for one in WheelBuilder(str(ROOT)).recurse_included_files()}
+    beside = {name for name in TRACKED if name.startswith("rover_iface/") and not name.endswith(".py")}
+    assert "rover_iface/vision/learned/descriptor.onnx" in beside
+    assert beside <= held

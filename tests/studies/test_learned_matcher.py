@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +10,10 @@ import numpy as np
 import pytest
 
 from rover_iface.cameras.model import CameraModel, pinhole
-from rover_iface.vision.sift_features import detect, mutual
+from rover_iface.vision.learned.descriptor import PATCH_PX, cut
+from rover_iface.vision.sift_features import detect, mutual, stretched
 from studies.common.domain_split import TUNING_SEEDS, tuning
 from studies.common.perception_worlds import Shot
-from studies.learned_matcher.__main__ import NETWORK
 from studies.learned_matcher.contest import (
     Matches,
     Outcome,
@@ -29,9 +28,8 @@ from studies.learned_matcher.contest import (
     sums,
 )
 from studies.learned_matcher.kept_pairs import PatchPairs
-from studies.learned_matcher.network import AT_ONCE, MOST_BYTES, Net, described
 from studies.learned_matcher.pairs import TRAINING_SEEDS, half_camera, pairs_of, put
-from studies.learned_matcher.patches import PATCH_PX, Keys, cut, find_keys, single, upright_sift
+from studies.learned_matcher.patches import Keys, find_keys, single, upright_sift
 from studies.learned_matcher.sights import Sight
 from studies.learned_matcher.table import report
 from studies.learned_matcher.training import rivals_of
@@ -90,9 +88,11 @@ def test_upright_descriptors_are_the_products_where_that_is_upright() -> None:
     """What the product finds turned by 3 degrees and less is nearly the same without the turn."""
     image = picture(2)
     found = find_keys(image)
-    angles = np.array([k.angle for k in cv2.SIFT.create(enable_precise_upscale=True).detect(eight(image))])
+    angles = np.array(
+        [k.angle for k in cv2.SIFT.create(enable_precise_upscale=True).detect(stretched(image))]
+    )
     strengths = np.array(
-        [k.response for k in cv2.SIFT.create(enable_precise_upscale=True).detect(eight(image))]
+        [k.response for k in cv2.SIFT.create(enable_precise_upscale=True).detect(stretched(image))]
     )
     angles = angles[np.argsort(-strengths, kind="stable")]
     upright = np.flatnonzero(np.minimum(angles, 360.0 - angles) < 3.0)
@@ -102,42 +102,8 @@ def test_upright_descriptors_are_the_products_where_that_is_upright() -> None:
     assert cosine.min() > 0.95
 
 
-def eight(image: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    from studies.learned_matcher.patches import stretched
-
-    return stretched(image)
-
-
 def test_a_place_with_two_orientations_is_described_once() -> None:
     assert single(keys([(3, 4), (3, 4), (5, 6)])).tolist() == [0, 2]
-
-
-def test_patch_is_the_picture_round_its_middle() -> None:
-    image = picture(3)
-    patch = cut(image, np.array([[99.5, 119.5]]), np.array([float(PATCH_PX)]))[0]
-    part = image[104:136, 84:116]
-    assert np.allclose(patch, (part - part.mean()) / part.std(), atol=1e-4)
-
-
-def test_patch_of_a_larger_picture_is_the_same() -> None:
-    image = cv2.GaussianBlur(picture(4), (0, 0), 2.0)
-    large = cv2.resize(image, None, fx=3.0, fy=3.0, interpolation=cv2.INTER_CUBIC)
-    middle, side = np.array([[120.0, 110.0]]), np.array([40.0])
-    one = cut(image, middle, side)
-    other = cut(large, 3.0 * middle + 1.0, 3.0 * side)
-    assert (one * other).mean() > 0.98
-
-
-def test_turned_patch_is_the_turned_picture() -> None:
-    image = cv2.GaussianBlur(picture(5), (0, 0), 2.0)
-    middle = np.array([[119.5, 119.5]])
-    turned = cut(image, middle, np.array([40.0]), np.array([np.pi / 2]))
-    assert np.allclose(turned, cut(np.rot90(image).copy(), middle, np.array([40.0])), atol=0.02)
-
-
-def test_flat_patch_stays_flat() -> None:
-    flat = np.full((60, 60), 0.4, np.float32)
-    assert np.abs(cut(flat, np.array([[30.0, 30.0]]), np.array([20.0]))).max() < 1e-4
 
 
 def test_surface_points_are_put_where_the_other_camera_shows_them() -> None:
@@ -189,36 +155,6 @@ def test_kept_pairs_are_read_as_written(tmp_path: Path) -> None:
     read = PatchPairs.load(tmp_path / "pairs_own_500.npz")
     assert all((getattr(read, name) == getattr(made, name)).all() for name in PatchPairs.__slots__)
     assert [p.name for p in tmp_path.iterdir()] == ["pairs_own_500.npz"]
-
-
-class Means:
-    """Stands for a network: the means of the upper and of the lower half, of runs of one size alone."""
-
-    def __init__(self) -> None:
-        self.given = np.empty(0)
-
-    def setInput(self, given: np.ndarray[Any, Any]) -> None:
-        assert given.shape == (AT_ONCE, 1, PATCH_PX, PATCH_PX)
-        self.given = given
-
-    def forward(self) -> np.ndarray[Any, Any]:
-        halves = self.given.reshape(AT_ONCE, 2, -1).mean(axis=2)
-        return halves[..., None, None]
-
-
-def test_vectors_are_of_unit_length_and_in_order() -> None:
-    patches = np.ones((AT_ONCE + 3, PATCH_PX, PATCH_PX), np.float32)
-    patches[:, 16:] = np.arange(AT_ONCE + 3)[:, None, None]
-    vectors = described(Net(Means()), patches)
-    expected = np.column_stack((np.ones(AT_ONCE + 3), np.arange(AT_ONCE + 3)))
-    assert np.allclose(vectors, expected / np.linalg.norm(expected, axis=1, keepdims=True), atol=1e-6)
-
-
-def test_too_large_a_network_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "large.onnx"
-    path.write_bytes(bytes(MOST_BYTES + 1))
-    with pytest.raises(ValueError, match="are allowed"):
-        Net.read(path)
 
 
 def test_ranking_below_a_ratio_is_the_match_of_the_product() -> None:
@@ -309,37 +245,3 @@ def test_ratio_is_set_where_precision_is_the_products() -> None:
     product = outcome([0.5] * 10, [0.1] * 9 + [9.0])  # 90 %
     other = outcome([0.1 * n for n in range(1, 13)], [0.1] * 9 + [9.0, 9.0, 9.0])
     assert ratio_like([other], [product]) == pytest.approx(1.0)
-
-
-def test_kept_network_is_read_by_opencv_and_answers_patch_by_patch() -> None:
-    net = Net.read(NETWORK)
-    rng = np.random.default_rng(8)
-    patches = cut(picture(8), rng.uniform(20, 220, (AT_ONCE + 20, 2)), rng.uniform(16, 40, AT_ONCE + 20))
-    vectors = described(net, patches)
-    assert vectors.shape == (AT_ONCE + 20, 64)
-    assert np.allclose(np.linalg.norm(vectors, axis=1), 1.0, atol=1e-5)
-    order = rng.permutation(len(patches))
-    assert np.allclose(described(net, patches[order]), vectors[order], atol=1e-5)
-
-
-def test_kept_network_knows_a_patch_again_that_is_turned_noisy_and_darker() -> None:
-    net, image = Net.read(NETWORK), cv2.GaussianBlur(picture(9), (0, 0), 1.0)
-    rng = np.random.default_rng(9)
-    middles = np.array([(x, y) for x in range(24, 220, 12) for y in range(24, 220, 12)], dtype=float)
-    sides = np.full(len(middles), 28.0)
-    darker = (0.4 * image + rng.normal(0, 0.004, image.shape)).astype(np.float32)
-    vectors = described(net, cut(image, middles, sides))
-    again = described(
-        net, cut(darker, middles + rng.normal(0, 0.5, middles.shape), 1.15 * sides, 0.08 + 0 * sides)
-    )
-    assert ((vectors @ again.T).argmax(axis=1) == np.arange(len(middles))).mean() > 0.97
-
-
-def test_threads_that_share_a_network_take_turns() -> None:
-    net = Net.read(NETWORK)
-    rng = np.random.default_rng(10)
-    batches = [cut(picture(n), rng.uniform(30, 200, (300, 2)), np.full(300, 24.0)) for n in range(4)]
-    alone = [described(net, batch) for batch in batches]
-    with ThreadPoolExecutor(4) as pool:
-        together = list(pool.map(lambda batch: described(net, batch), batches))
-    assert all(np.array_equal(a, b) for a, b in zip(alone, together, strict=True))

@@ -22,10 +22,13 @@ from rover_iface.vision.reacquisition import (
     KnownPair,
     Reacquired,
     ReacquisitionOptions,
+    SecondOpinion,
+    halved,
     level_motion,
     reacquire,
 )
-from rover_iface.vision.tracker import StereoView
+from rover_iface.vision.sift_features import Descriptors
+from rover_iface.vision.tracker import Image, StereoView
 from tests.rover_iface.render.scenes import SUN, picture
 
 LATER = Sun.from_angles(math.radians(300.0), math.radians(40.0))
@@ -82,7 +85,8 @@ def few_features() -> tuple[StereoView, Frame]:
 
 def test_a_pose_of_few_features_is_proven_by_patches() -> None:
     now, left = few_features()
-    answer = found(now)
+    known = KnownPair(pair(-5.0)[0], ReacquisitionOptions(second=None))
+    answer = reacquire(known, target(), lambda point: now)
     assert answer.accepted, answer.reasons
     assert answer.features < ReacquisitionOptions().least_level
     assert np.hypot(*(answer.pixel - left.camera.project(target()))) < 1.0
@@ -96,6 +100,94 @@ def test_a_pose_of_few_features_that_no_patches_prove_is_refused() -> None:
     assert not answer.accepted
     assert answer.motion is None
     assert "no patches prove it" in answer.reasons[0]
+
+
+class Fake:
+    """A second detector that has some points of the known pair in both pairs, where a motion puts them."""
+
+    def __init__(self, motion: Transform) -> None:
+        known, now = pair(-5.0)[0], shifted()[0]
+        features, rng = KnownPair(known).features, np.random.default_rng(4)
+        points = features.points[rng.permutation(len(features))[:200]]
+        vectors = np.linalg.qr(rng.normal(0, 1, (200, 200)))[0].astype(np.float32)
+        old, new = halved(known), halved(now)
+        self.told = [
+            (old.left, old.left_camera, points),
+            (old.right, old.right_camera, points),
+            (new.left, new.left_camera, np.asarray(motion.apply(points))),
+        ]
+        self.vectors, self.calls = vectors, 0
+
+    def __call__(self, image: Image, count: int) -> tuple[Array, Descriptors]:
+        self.calls += 1
+        camera, points = next((c, p) for seen, c, p in self.told if np.array_equal(seen, image))
+        pixels = np.asarray(camera.project(points))
+        there = np.isfinite(pixels).all(axis=1)
+        return pixels[there], self.vectors[there]
+
+
+LOST = lost_pose(-4.5, 0.4, (0.6, -0.7), 10.0)
+
+
+def shifted() -> tuple[StereoView, Frame]:
+    return pair(-4.5, 0.4, 0.0, LATER, LOST)
+
+
+def asked_again(second: SecondOpinion | None) -> Reacquired:
+    known = KnownPair(pair(-5.0)[0], ReacquisitionOptions(second=second))
+    return reacquire(known, target(), lambda point: shifted()[0])
+
+
+@pytest.fixture
+def sift_sees_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let SIFT find no features in the new picture."""
+    nothing = np.empty((0, 2)), np.empty((0, 128), np.float32)
+    monkeypatch.setattr(reacquisition, "detect", lambda image, count: nothing)
+
+
+def test_sift_that_is_sure_asks_nobody_else() -> None:
+    fake = Fake(LOST)
+    assert asked_again(SecondOpinion(fake)).accepted
+    assert fake.calls == 0
+
+
+@pytest.mark.usefixtures("sift_sees_nothing")
+def test_a_second_detector_that_is_right_finds_the_target_where_sift_finds_nothing() -> None:
+    assert not asked_again(None).accepted
+    answer = asked_again(SecondOpinion(Fake(LOST)))
+    assert answer.accepted, answer.reasons
+    assert np.hypot(*(answer.pixel - shifted()[1].camera.project(target()))) < 1.0
+
+
+@pytest.mark.usefixtures("sift_sees_nothing")
+@pytest.mark.parametrize(("shift_m", "turn_deg"), [(0.3, 0.0), (0.0, 4.0), (-0.4, -6.0)])
+def test_a_second_detector_that_is_wrong_is_refused_however_many_agree(
+    shift_m: float, turn_deg: float
+) -> None:
+    fake = Fake(lost_pose(-4.5, 0.4, (0.6, -0.7 + shift_m), 10.0 + turn_deg))
+    answer = asked_again(SecondOpinion(fake))
+    assert fake.calls == 2 + 3  # the known pair's pictures, and the new one at each look
+    assert not answer.accepted
+    assert answer.motion is None
+    assert "no patches prove it" in answer.reasons[0]
+
+
+@pytest.mark.usefixtures("sift_sees_nothing")
+def test_the_network_finds_the_target_where_sift_finds_nothing() -> None:
+    answer = asked_again(SecondOpinion())
+    assert answer.accepted, answer.reasons
+    assert np.hypot(*(answer.pixel - shifted()[1].camera.project(target()))) < 1.0
+
+
+def test_a_doubtful_pose_of_sift_gives_way_to_one_that_more_features_have() -> None:
+    known, now = KnownPair(pair(-5.0)[0]), few_features()[0]
+    alone = KnownPair(known.side.view, ReacquisitionOptions(second=None)).pose(now)
+    both = known.pose(now)
+    assert not isinstance(alone, str)
+    assert not isinstance(both, str)
+    assert alone.doubtful
+    assert both.doubtful
+    assert both.inliers > 2 * alone.inliers
 
 
 def told(x: float, y: float, sun: Sun, t_s: float) -> tuple[Array, Array]:

@@ -1,0 +1,1 @@
+"""Features that a trained network tells apart; README.md beside this says how it was made."""
