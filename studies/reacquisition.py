@@ -4,6 +4,7 @@
     python -m studies.reacquisition --worlds 70 --out docs --seed 734112 --resume     # go on after a stop
     python -m studies.reacquisition --worlds 10 --tuning            # seeds that constants were set on;
     writes nothing
+    python -m studies.reacquisition --worlds 6 --step 0.35 --hours 6     # harder than it was built for
 
 A world is a rock of 25 to 70 cm on generated ground, and three points of it by a plain rule: any that the
 first picture shows, 3 px inside the outline. The rover has the navcam pair of its last stop. It believes to
@@ -13,9 +14,10 @@ renderer, with the grain of real frames, and by MuJoCo (needs `studies/offscreen
 does without). Right is a pixel within 1 px of where the true camera shows the point, wrong one that is told
 as found and more than 3 px off.
 
-On the first ten worlds what the trackers had before is asked too: each tracker with the whole frame, which is
-more than it looks at on the way, and the recall of kept pairs. Each target is one line a method of
-`reacquired_SEED.jsonl`.
+Each is asked with and without the second opinion, and each kept pair is shown the pictures of the next world
+as well, where nothing may be told. On the first ten worlds what the trackers had before is asked too: each
+tracker with the whole frame, which is more than it looks at on the way, and the recall of kept pairs. Each
+target is one line a method of `reacquired_SEED.jsonl`.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -36,14 +38,16 @@ from rover_iface.errors import TrackerError
 from rover_iface.frames import Transform
 from rover_iface.vision.handoff import Handoff, Side
 from rover_iface.vision.handoff_cascade import cascade
+from rover_iface.vision.learned import descriptor
 from rover_iface.vision.narrow.recall import LAID
-from rover_iface.vision.reacquisition import KnownPair, reacquire
-from rover_iface.vision.tracker import StereoView, TrackState
+from rover_iface.vision.reacquisition import KnownPair, ReacquisitionOptions, SecondOpinion, reacquire
+from rover_iface.vision.sift_features import Descriptors
+from rover_iface.vision.tracker import Image, StereoView, TrackState
 from rover_iface.vision.trackers import make_tracker
 from studies.common.domain_split import Seeds, reporting, tuning
 from studies.common.pages import table, write_section
 from studies.common.perception_worlds import Shot
-from studies.common.reacquisition_worlds import ASIDES, LATER_S, Trial, view_of
+from studies.common.reacquisition_worlds import ASIDES, HOURS, SHARE, Trial, view_of
 from studies.common.tracking_worlds import Array
 from studies.domains import DOMAINS, RENDERED, SHARED
 
@@ -54,7 +58,10 @@ Found = tuple[int, Array] | str
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """What came of one target by one method; `error_px` is infinite where nothing was told."""
+    """What came of one target by one method; `error_px` is infinite where nothing was told.
+
+    `asked` is in how many pictures the second opinion was.
+    """
 
     method: str
     domain: str
@@ -67,6 +74,18 @@ class Entry:
     error_px: float
     seconds: float
     why: str
+    asked: int = 0
+
+
+class Counted:
+    """The network, and how often it was asked."""
+
+    calls = 0
+
+    def __call__(self, image: Image, count: int) -> tuple[Array, Descriptors]:
+        """Return pixels (n, 2) and descriptors (n, d)."""
+        self.calls += 1
+        return descriptor.detect(image, count)
 
 
 class Looks:
@@ -79,7 +98,7 @@ class Looks:
     def view(self, number: int) -> StereoView:
         """Return one of the pairs."""
         if number not in self.views:
-            self.views[number] = view_of(self.trial.pair(number), LATER_S)
+            self.views[number] = view_of(self.trial.pair(number), self.trial.later_s)
         return self.views[number]
 
     def __call__(self, point: Array) -> StereoView:
@@ -136,50 +155,80 @@ def by_reacquisition(known: KnownPair, point: Array, looks: Looks) -> Found:
     return next(n for n, view in looks.views.items() if view is found.view), found.pixel
 
 
+SHIPPED, ALONE, ELSEWHERE = "re-acquisition", "re-acquisition, SIFT alone", "shown another world"
 METHODS: dict[str, Callable[[KnownPair, Array, Looks], Found]] = {
     "correlation tracker": by_tracker("ncc"),
     "feature tracker": by_tracker("sift"),
     "recall of kept pairs": by_cascade,
-    "re-acquisition": by_reacquisition,
+    SHIPPED: by_reacquisition,
+    ALONE: by_reacquisition,
 }
 
 
-def measured(trial: Trial, methods: list[str]) -> list[Entry]:
+class Kept:
+    """What is known of the first stop of a trial, with and without the second opinion.
+
+    `points` has the targets that its stereo ranges, (3,), m, by their number.
+    """
+
+    def __init__(self, trial: Trial) -> None:
+        self.network, view = Counted(), view_of(trial.before)
+        options = ReacquisitionOptions(second=SecondOpinion(self.network))
+        self.known = KnownPair(view, options)
+        self.alone = KnownPair(view, ReacquisitionOptions(second=None))
+        seconds = []
+        for pair in (self.known, self.alone):
+            started = time.process_time()
+            pair.prepare()
+            seconds.append(time.process_time() - started)
+        told = " s, without the second opinion in ".join(f"{spent:.1f}" for spent in seconds)
+        print(f"  {trial.domain} {trial.seed}: pair kept in {told} s", flush=True)
+        self.points: dict[int, Array] = {}
+        for number, target in enumerate(trial.targets):
+            match = self.known.side.point(np.asarray(trial.before[0].true.project(target)))
+            if match is not None and match.score >= 0.7:  # else no tracker takes it
+                self.points[number] = match.point
+
+
+def measured(trial: Trial, kept: Kept, methods: list[str]) -> list[Entry]:
     """Return what each method makes of each target that stereo ranges in the first pair."""
-    known = KnownPair(view_of(trial.before))
-    started = time.process_time()
-    known.prepare()
-    print(f"  {trial.domain} {trial.seed}: pair kept in {time.process_time() - started:.1f} s", flush=True)
-    true = trial.before[0].true
     entries = []
-    for number, target in enumerate(trial.targets):
-        match = known.side.point(np.asarray(true.project(target)))
-        if match is None or match.score < 0.7:
-            continue  # no tracker takes it
+    for number, point in kept.points.items():
+        target = trial.targets[number]
         for method in methods:
-            looks = Looks(trial)  # nothing is kept from one target to the next
-            started, before_s = time.process_time(), trial.taking_s
-            found = METHODS[method](known, match.point, looks)
-            spent = time.process_time() - started - (trial.taking_s - before_s)
-            error, why = math.inf, found if isinstance(found, str) else ""
+            known = kept.alone if method == ALONE else kept.known
+            found, entry = _asked(trial, kept, known, point, method)
             if not isinstance(found, str):
-                error = _error_px(trial.pair(found[0]), found[1], target)
-            entries.append(
-                Entry(
-                    method,
-                    trial.domain,
-                    trial.seed,
-                    number,
-                    trial.range_m,
-                    trial.shift_m,
-                    math.degrees(trial.turn_rad),
-                    trial.in_sight(target),
-                    error,
-                    spent,
-                    why,
-                )
-            )
+                entry = replace(entry, error_px=_error_px(trial.pair(found[0]), found[1], target))
+            entries.append(replace(entry, target=number, in_sight=trial.in_sight(target)))
     return entries
+
+
+def elsewhere(trial: Trial, kept: Kept) -> Entry:
+    """Return what is made of another world's target in a trial's pictures: whatever is told is wrong."""
+    number, point = next(iter(kept.points.items()))
+    return replace(_asked(trial, kept, kept.known, point, ELSEWHERE)[1], target=number)
+
+
+def _asked(trial: Trial, kept: Kept, known: KnownPair, point: Array, method: str) -> tuple[Found, Entry]:
+    looks = Looks(trial)  # nothing is kept from one target to the next
+    started, before_s, calls = time.process_time(), trial.taking_s, kept.network.calls
+    found = METHODS.get(method, by_reacquisition)(known, point, looks)
+    spent = time.process_time() - started - (trial.taking_s - before_s)
+    return found, Entry(
+        method=method,
+        domain=trial.domain,
+        seed=trial.seed,
+        target=0,
+        range_m=trial.range_m,
+        shift_m=trial.shift_m,
+        turn_deg=math.degrees(trial.turn_rad),
+        in_sight=False,
+        error_px=math.inf if isinstance(found, str) else WRONG_PX + 1.0,
+        seconds=spent,
+        why=found if isinstance(found, str) else "",
+        asked=kept.network.calls - calls,
+    )
 
 
 def _error_px(pair: tuple[Shot, Shot], pixel: Array, target: Array) -> float:
@@ -210,7 +259,8 @@ def report_table(entries: list[Entry]) -> str:
                     f"{wrong} of {len(rows)}",
                     f"{sum(math.isfinite(e.error_px) for e in hidden)} of {len(hidden)}",
                     "" if not len(told) else f"{np.median(told):.2f} / {np.percentile(told, 95):.2f}",
-                    f"{np.median(seconds):.2f} / {np.percentile(seconds, 95):.2f}",
+                    f"{np.median(seconds):.2f} / {np.percentile(seconds, 95):.2f} / {seconds.max():.2f}",
+                    str(sum(e.asked > 0 for e in rows)),
                 ]
             )
     head = ["engine", "domain", "within 1 px, of those in sight", "1 px and more", "refused"]
@@ -218,9 +268,20 @@ def report_table(entries: list[Entry]) -> str:
         "wrong (over 3 px)",
         "told though hidden",
         "px off: median / 95 %",
-        "s of processor: median / 95 %",
+        "s of processor: median / 95 % / most",
+        "second opinion asked",
     ]
     return table(head, lines)
+
+
+def told_elsewhere(entries: list[Entry]) -> str:
+    """Return in words what was made of pictures of another world."""
+    rows = [e for e in entries if e.method == ELSEWHERE]
+    told, asked = sum(math.isfinite(e.error_px) for e in rows), sum(e.asked > 0 for e in rows)
+    most = max((e.seconds for e in rows), default=0.0)
+    return (
+        f"Shown another world: {told} of {len(rows)} told; second opinion in {asked}, {most:.2f} s at most."
+    )
 
 
 def report(entries: list[Entry], seeds: Seeds, docs: Path) -> None:
@@ -236,7 +297,8 @@ def report(entries: list[Entry], seeds: Seeds, docs: Path) -> None:
     commit = subprocess.run(head, capture_output=True, text=True, check=True).stdout.strip()
     span = f"{seeds.values[0]} to {seeds.values[-1]}"
     note = f"Seeds {span}, drawn when the command ran; commit {commit}."
-    write_section(docs, "tracking", "reacquisition", f"{note}\n\n{report_table(entries)}")
+    text = f"{note} {told_elsewhere(entries)}\n\n{report_table(entries)}"
+    write_section(docs, "tracking", "reacquisition", text)
 
 
 def main() -> None:
@@ -250,6 +312,8 @@ def main() -> None:
     parser.add_argument("--compare", type=int, default=10, help="worlds on which the others are asked too")
     parser.add_argument("--methods", nargs="+", choices=list(METHODS), default=list(METHODS))
     parser.add_argument("--domains", nargs="+", choices=RENDERED, default=RENDERED)
+    parser.add_argument("--step", type=float, default=SHARE, help="between the stops, share of the range")
+    parser.add_argument("--hours", type=float, default=HOURS, help="between the stops")
     parser.add_argument("--imagery", type=Path, default=SHARED / "data/imagery")
     parser.add_argument("--folder", type=Path, default=Path(tempfile.gettempdir()) / "reacquisition")
     arguments = parser.parse_args()
@@ -263,15 +327,20 @@ def main() -> None:
     elif kept.is_file():
         kept.unlink()
     done = {(e.domain, e.seed) for e in entries}
+    last: dict[str, Kept] = {}
     for number, seed in enumerate(chosen.values):
         for domain in arguments.domains:
             if (domain, seed) in done:
                 continue
-            trial = Trial(domain, seed, chosen.purpose, arguments.imagery)
-            methods = arguments.methods if number < arguments.compare else ["re-acquisition"]
+            trial = Trial(domain, seed, chosen.purpose, arguments.imagery, arguments.step, arguments.hours)
+            methods = arguments.methods if number < arguments.compare else [SHIPPED, ALONE]
+            pair = Kept(trial)
             if not entries:
-                measured(trial, methods)  # what is compiled at its first call is no part of the seconds
-            found = measured(trial, methods)
+                measured(trial, pair, methods)  # what is compiled at its first call is no part of the seconds
+            found = measured(trial, pair, methods)
+            if domain in last and last[domain].points:
+                found.append(elsewhere(trial, last[domain]))
+            last[domain] = pair
             trial.close()
             with kept.open("a") as stream:
                 stream.writelines(json.dumps(asdict(entry)) + "\n" for entry in found)
@@ -279,8 +348,9 @@ def main() -> None:
         if arguments.out is not None:
             report(entries, Seeds(chosen.purpose, chosen.values[: number + 1]), arguments.out)
     for entry in entries:
-        if entry.method == "re-acquisition" and not entry.error_px <= RIGHT_PX:
+        if entry.method in (SHIPPED, ALONE) and not entry.error_px <= RIGHT_PX:
             print(entry)
+    print(told_elsewhere(entries))
     print(report_table(entries))
 
 

@@ -192,10 +192,10 @@ class KnownPair:
         """Work out what the next call of `reacquire` may need."""
         _ = self.features, self._second_features, self.side.cloud
 
-    def pose(self, view: StereoView) -> Motion | str:
+    def pose(self, view: StereoView, *, again: bool = True) -> Motion | str:
         """Return the motion that most features agree on, from the frame of what is known to that of a new
         pair's cameras; why not, in words. It is doubtful where they are too few to be believed, and where
-        the second opinion alone has it, which is asked if SIFT's features tell no sure one.
+        the second opinion alone has it, which is asked, if `again`, where SIFT's features tell no sure one.
         """
         if self._posed is None or self._posed[0] is not view:
             small = halved(view)
@@ -203,8 +203,9 @@ class KnownPair:
             found = self._agreed(self.features, small, in_left, self.options.ratio)
             if isinstance(found, str) or found.doubtful:
                 found = _surer(found, self._level(small, in_left))
-            if isinstance(found, str) or found.doubtful:
-                found = _surer(found, self._second(small))
+            second = self.options.second if again else None
+            if second is not None and (isinstance(found, str) or found.doubtful):
+                found = _surer(found, self._second(small, second))
             self._posed = view, found
         return self._posed[1]
 
@@ -271,11 +272,8 @@ class KnownPair:
             detector=second.detector,
         )
 
-    def _second(self, view: StereoView) -> Motion | str:
+    def _second(self, view: StereoView, second: SecondOpinion) -> Motion | str:
         """Return the motion that most features of the second opinion agree on: doubtful, as SIFT has none."""
-        second = self.options.second
-        if second is None:
-            return "nobody else is asked"
         in_left = second.detector(view.left, second.features)
         found = self._agreed(self._second_features, view, in_left, second.ratio)
         return f"asked again: {found}" if isinstance(found, str) else replace(found, doubtful=True)
@@ -428,7 +426,8 @@ def searched(known: KnownPair, point: Array) -> Generator[Array, StereoView | No
             view = yield eye + Transform.from_rpy(0.0, 0.0, aside).rotate(point - eye)
         if view is None:
             continue
-        rough = known.pose(view)
+        # most of what is known is in the first: a second opinion on each would take a second and more
+        rough = known.pose(view, again=not aside)
         if isinstance(rough, str):
             why = rough
             continue

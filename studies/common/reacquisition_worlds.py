@@ -28,7 +28,6 @@ WHOLE = (1024, 768)
 NEAREST_M, FARTHEST_M, SHARE = 2.0, 8.0, 0.10
 LOST_M, LOST_RAD = 1.0, math.radians(15.0)
 HOURS, LOWEST_RAD = 4.0, math.radians(20.0)
-LATER_S = HOURS / 24.0 * SOL_S
 ASIDES = (0.0, math.radians(36.0), -math.radians(36.0))
 """How far to either side the mast looks if it is asked to: frames of 49 degrees overlap by 13."""
 TARGETS = 3
@@ -36,6 +35,8 @@ TARGETS = 3
 
 class Trial:
     """One stop before and one after the pose was lost; close it when it is done with.
+
+    The step between them is a share of the range; the sun goes on by some hours.
 
     Attributes
     ----------
@@ -47,18 +48,26 @@ class Trial:
         Processor time that pictures have taken so far: no part of finding anything in them.
     """
 
-    def __init__(self, domain: str, seed: int, purpose: Purpose, imagery: Path) -> None:
-        self.domain, self.seed = domain, seed
+    def __init__(
+        self,
+        domain: str,
+        seed: int,
+        purpose: Purpose,
+        imagery: Path,
+        share: float = SHARE,
+        hours: float = HOURS,
+    ) -> None:
+        self.domain, self.seed, self.later_s = domain, seed, hours / 24.0 * SOL_S
         self.world = world = world_of(seed)
         sensor, middle = world.rig.mounted("navcam_left").sensor, np.array([0.0, 0.0, world.rock.z])
         self.paint = painter(domain, world.renderer, sensor, purpose, imagery, seed, middle, WHOLE)
         rng = np.random.default_rng([seed, 0xAC0])
-        early, self.late = suns(rng)
+        early, self.late = suns(rng, hours)
         self.look = np.array([0.0, 0.0, world.rock.z + 0.4 * world.rock.height])
         bearing = math.pi + math.radians(float(rng.uniform(-30, 30)))
         self.range_m = float(rng.uniform(NEAREST_M, FARTHEST_M))
         first, second = (
-            _pose(world, rng, bearing, away) for away in (self.range_m / (1.0 - SHARE), self.range_m)
+            _pose(world, rng, bearing, away) for away in (self.range_m / (1.0 - share), self.range_m)
         )
         self.shift_m, way = LOST_M * math.sqrt(float(rng.uniform())), float(rng.uniform(0, math.tau))
         self.turn_rad = float(rng.uniform(-LOST_RAD, LOST_RAD))
@@ -105,12 +114,12 @@ def view_of(pair: tuple[Shot, Shot], t_s: float = 0.0) -> StereoView:
     return StereoView(left.unit, right.unit, left.told, right.told, t_s)
 
 
-def suns(rng: np.random.Generator) -> tuple[Sun, Sun]:
-    """Return two suns four hours apart, both 20 degrees high or more, of a season within the tropics."""
+def suns(rng: np.random.Generator, hours: float = HOURS) -> tuple[Sun, Sun]:
+    """Return two suns some hours apart, both 20 degrees high or more, of a season within the tropics."""
     while True:
         season, latitude = float(rng.uniform(0, 360)), float(rng.uniform(-25, 25))
         hour = float(rng.uniform(7.0, 13.0))
-        pair = [sun_direction(season, latitude, hour + later) for later in (0.0, HOURS)]
+        pair = [sun_direction(season, latitude, hour + later) for later in (0.0, hours)]
         if min(up for _, _, up in pair) > math.sin(LOWEST_RAD):
             return Sun(pair[0]), Sun(pair[1])
 
