@@ -19,6 +19,7 @@ from rover_iface.vision import drape, handoff, handoff_cascade, shape_draped
 from rover_iface.vision.drape import TEMPLATE_PX, Draped, DrapeOptions, find_many, find_patches
 from rover_iface.vision.handoff import METHODS, Handoff, Side, hand_off, scaled_window
 from rover_iface.vision.handoff_cascade import CascadeOptions, cascade
+from rover_iface.vision.narrow.recall import LAID
 from rover_iface.vision.resection import resect
 from rover_iface.vision.shape_draped import lay, register_views
 from rover_iface.vision.sift_motion import small_rotation
@@ -384,3 +385,24 @@ def test_a_surface_that_stereo_has_at_two_ranges_is_refused(monkeypatch: pytest.
     answer = cascade(setting, "near")
     assert not answer.accepted
     assert "at two ranges, 8.0 cm apart" in answer.reasons[0]
+
+
+def test_a_pixel_beside_an_outline_is_refused_where_two_pairs_have_two_surfaces_under_it() -> None:
+    """Its own stereo has the rock, its picture the ground 8 cm behind, which a pair from the side finds."""
+    sides = []
+    for x, y in ((-2.2, 0.0), (-2.1, 0.6)):
+        pose = Pose(x, y, math.atan2(-y, -x))
+        left = picture(pose, half=200, seed=5)
+        right = picture(pose, "navcam_right", half=200, exposure=left.exposure, seed=6)
+        sides.append((Side(_pair(left, right), 0.6), left.truth.range_m))
+    (side, true_m), (scene, _) = sides
+    beside, on_it = np.array([53.0, 336.0]), np.array([65.0, 336.0])
+    for pixel, gap_m in ((beside, 0.08), (on_it, 0.0)):
+        told = side.point(pixel)
+        assert told is not None
+        away = float(np.linalg.norm(told.point - side.view.left_camera.C))
+        assert true_m[int(pixel[1]), int(pixel[0])] - away == pytest.approx(gap_m, abs=0.01)
+    answer = cascade(Handoff(scene, side, beside), "near", LAID)
+    assert not answer.accepted
+    assert "the two pairs have its surface 8." in answer.reasons[0]
+    assert cascade(Handoff(scene, side, on_it), "near", LAID).accepted
