@@ -53,6 +53,7 @@ class Followed:
     misses: int = 0
     watched: StereoView | None = None  # the last view whose errors were checked
     put: bool = False  # another look has told since where it is, better than the first view does
+    doubted: bool = False  # it was lost, and none of the views in which it was designated has shown it since
     expected: tuple[Array, Array] | None = None  # where the next look should have it, and its covariance
     alike: float = 1.0  # how well what is ranged at its place agreed with it when that was last asked
     carried: Carried | None = None  # where a lost one is by what lies round it

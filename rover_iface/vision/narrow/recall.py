@@ -239,6 +239,7 @@ class NarrowRecall:
             drift = covariance, np.zeros((3, 2))
             if np.isfinite(pixel).all() and self.tracker.put(target, view, pixel, drift, away):
                 # the wide pair has the spot from there on, the narrow one has its range
+                self.tracker.recognised(target)
                 update = self.tracker.last(target)
             elif update.state is not TrackState.TRACKED:
                 update = replace(update, state=TrackState.TRACKED, confidence=COASTING, pixel=pixel)
@@ -254,6 +255,7 @@ class NarrowRecall:
         side, known, before = Side(pair, NEAREST_M), memory.known, memory.against
         eye = pair.left_camera.C
         answers: list[tuple[float, Answer]] = []
+        recognised = False
         first, *others = known.likeliest(eye, update.position, pair.t_s, MOST_ASKED)
         for kept in (first, *others[:1], known.near, *others[1:]):
             if kept is None or (kept in others[1:] and not answers):
@@ -272,6 +274,8 @@ class NarrowRecall:
             sigma_m = math.hypot(answer.error_px * away / pair.left_camera.hs, kept.sigma_m)
             if not answers or _same_spot(answers[0], (sigma_m, answer)):
                 answers.append((sigma_m, answer))
+                # the last wide pair shows what was followed there, be it the target or not
+                recognised = recognised or kept is not known.near
             if away > TOOL_AWAY_M or answers[-1][0] <= FOR_A_TOOL_M:
                 break
         for sigma_m, answer in sorted(answers, key=lambda one: one[0]):
@@ -279,6 +283,8 @@ class NarrowRecall:
             drift = sigma_m**2 * np.eye(3), np.zeros((3, 2))
             if not self.tracker.put(target, pair, answer.pixel, drift, away):
                 continue
+            if recognised:
+                self.tracker.recognised(target)
             found = self.tracker.last(target)
             known.near = Kept(side, answer.pixel, found.position, math.hypot(sigma_m, MEANT_M))
             memory.share, memory.against, memory.confirmed = ONCE_MORE, None, True

@@ -13,7 +13,7 @@ from rover_iface.behaviour.target import DesignatedTarget
 from rover_iface.cameras.model import Array
 from rover_iface.errors import CameraError, TrackerError
 from rover_iface.frames import Transform
-from rover_iface.vision.correlation.ncc import NccTracker
+from rover_iface.vision.correlation.ncc import FOUND_AGAIN, NccTracker
 from rover_iface.vision.narrow import recall
 from rover_iface.vision.narrow.designation import off_the_edge
 from rover_iface.vision.narrow.recall import LOST_UPDATES, REFUSED, NarrowRecall
@@ -57,6 +57,27 @@ def test_a_track_that_was_lost_is_put_where_the_first_narrow_picture_has_the_tar
     assert again.state is TrackState.TRACKED
     assert np.linalg.norm(again.position - DRIFT.apply(point)) < 0.01
     assert tracker.beside("A", near) == pytest.approx(again.pixel, abs=0.2)
+
+
+def test_what_is_taken_back_is_believed_as_little_until_a_picture_of_its_designation_shows_it() -> None:
+    """Beside the target, its own texture is followed as well as the target's."""
+    tracker, point = begun()
+    near, beside = view("navcam", NEAR_X, DRIFT), DRIFT.apply(point) + np.array([0.0, 0.075, 0.0])
+    first, tracker.narrow, tracker.wide = tracker.wide, None, None
+    assert tracker.update("A", blank(near)).state is TrackState.LOST
+    ray = beside - near.left_camera.C
+    taken = tracker.take_back("A", near, beside, (0.005 * np.linalg.norm(ray)) ** 2 * np.eye(3))
+    assert taken is not None
+    assert np.linalg.norm(taken.position - DRIFT.apply(point)) > 0.05
+    for _ in range(3):
+        followed = tracker.update("A", near)
+        assert followed.state is TrackState.TRACKED
+        assert followed.confidence <= FOUND_AGAIN
+    tracker.wide = first
+    tracker.update("A", blank(near))
+    sure = tracker.update("A", near)
+    assert np.linalg.norm(sure.position - DRIFT.apply(point)) < 0.01
+    assert sure.confidence > FOUND_AGAIN
 
 
 def test_a_target_lost_at_the_goal_is_asked_for_without_a_step_nearer() -> None:
