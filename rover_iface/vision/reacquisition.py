@@ -429,7 +429,7 @@ def searched(known: KnownPair, point: Array) -> Generator[Array, StereoView | No
         # most of what is known is in the first: a second opinion on each would take a second and more
         rough = known.pose(view, again=not aside)
         if isinstance(rough, str):
-            why = rough
+            why = why or rough
             continue
         there, found = np.asarray(rough.new_from_old.apply(point), dtype=np.float64), None
         if _shown(view, there, known.options.margin_px):
@@ -437,7 +437,7 @@ def searched(known: KnownPair, point: Array) -> Generator[Array, StereoView | No
             if found.accepted:
                 return found
         if rough.doubtful and (found is None or found.motion is None):
-            why = f"{rough.inliers} features leave the pose doubtful, and no patches prove it"
+            why = why or f"{rough.inliers} features leave the pose doubtful, and no patches prove it"
             continue
         # at an edge little is seen round it
         again = yield there
