@@ -156,6 +156,7 @@ def by_reacquisition(known: KnownPair, point: Array, looks: Looks) -> Found:
 
 
 SHIPPED, ALONE, ELSEWHERE = "re-acquisition", "re-acquisition, SIFT alone", "shown another world"
+ELSEWHERE_ALONE = f"{ELSEWHERE}, SIFT alone"
 METHODS: dict[str, Callable[[KnownPair, Array, Looks], Found]] = {
     "correlation tracker": by_tracker("ncc"),
     "feature tracker": by_tracker("sift"),
@@ -204,10 +205,14 @@ def measured(trial: Trial, kept: Kept, methods: list[str]) -> list[Entry]:
     return entries
 
 
-def elsewhere(trial: Trial, kept: Kept) -> Entry:
+def elsewhere(trial: Trial, kept: Kept) -> list[Entry]:
     """Return what is made of another world's target in a trial's pictures: whatever is told is wrong."""
     number, point = next(iter(kept.points.items()))
-    return replace(_asked(trial, kept, kept.known, point, ELSEWHERE)[1], target=number)
+    pairs = {ELSEWHERE: kept.known, ELSEWHERE_ALONE: kept.alone}
+    return [
+        replace(_asked(trial, kept, known, point, method)[1], target=number)
+        for method, known in pairs.items()
+    ]
 
 
 def _asked(trial: Trial, kept: Kept, known: KnownPair, point: Array, method: str) -> tuple[Found, Entry]:
@@ -276,11 +281,12 @@ def report_table(entries: list[Entry]) -> str:
 
 def told_elsewhere(entries: list[Entry]) -> str:
     """Return in words what was made of pictures of another world."""
-    rows = [e for e in entries if e.method == ELSEWHERE]
+    rows, alone = ([e for e in entries if e.method == name] for name in (ELSEWHERE, ELSEWHERE_ALONE))
     told, asked = sum(math.isfinite(e.error_px) for e in rows), sum(e.asked > 0 for e in rows)
-    most = max((e.seconds for e in rows), default=0.0)
+    most, before = (max((e.seconds for e in some), default=0.0) for some in (rows, alone))
     return (
-        f"Shown another world: {told} of {len(rows)} told; second opinion in {asked}, {most:.2f} s at most."
+        f"Shown another world: {told} of {len(rows)} told, the second opinion asked in {asked}; "
+        f"{most:.2f} s at most for three pictures, {before:.2f} without it."
     )
 
 
@@ -339,7 +345,7 @@ def main() -> None:
                 measured(trial, pair, methods)  # what is compiled at its first call is no part of the seconds
             found = measured(trial, pair, methods)
             if domain in last and last[domain].points:
-                found.append(elsewhere(trial, last[domain]))
+                found += elsewhere(trial, last[domain])
             last[domain] = pair
             trial.close()
             with kept.open("a") as stream:

@@ -14,7 +14,7 @@ The new picture need not show the target. The pose says where to look for it the
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -173,6 +173,7 @@ class KnownPair:
     def __init__(self, view: StereoView, options: ReacquisitionOptions | None = None) -> None:
         self.side, self.options = Side(view, NEAREST_M), options or ReacquisitionOptions()
         self._posed: tuple[StereoView, Motion | str] | None = None
+        self._posed_again: tuple[StereoView, Motion | str] | None = None
 
     @cached_property
     def features(self) -> Features:
@@ -192,10 +193,9 @@ class KnownPair:
         """Work out what the next call of `reacquire` may need."""
         _ = self.features, self._second_features, self.side.cloud
 
-    def pose(self, view: StereoView, *, again: bool = True) -> Motion | str:
+    def pose(self, view: StereoView) -> Motion | str:
         """Return the motion that most features agree on, from the frame of what is known to that of a new
-        pair's cameras; why not, in words. It is doubtful where they are too few to be believed, and where
-        the second opinion alone has it, which is asked, if `again`, where SIFT's features tell no sure one.
+        pair's cameras; why not, in words. It is doubtful where they are too few to be believed.
         """
         if self._posed is None or self._posed[0] is not view:
             small = halved(view)
@@ -203,11 +203,19 @@ class KnownPair:
             found = self._agreed(self.features, small, in_left, self.options.ratio)
             if isinstance(found, str) or found.doubtful:
                 found = _surer(found, self._level(small, in_left))
-            second = self.options.second if again else None
-            if second is not None and (isinstance(found, str) or found.doubtful):
-                found = _surer(found, self._second(small, second))
             self._posed = view, found
         return self._posed[1]
+
+    def poses(self, view: StereoView, *, again: bool = True) -> Iterator[Motion | str]:
+        """Yield `pose` and, where that is none or a doubtful one that did not do, what the second opinion
+        has, if `again`: a doubtful pose as well.
+        """
+        found, second = self.pose(view), self.options.second
+        yield found
+        if again and second is not None and (isinstance(found, str) or found.doubtful):
+            if self._posed_again is None or self._posed_again[0] is not view:
+                self._posed_again = view, self._second(halved(view), second)
+            yield self._posed_again[1]
 
     def _level(self, view: StereoView, in_left: tuple[Array, Descriptors]) -> Motion | str:
         """Return the motion that keeps what is upright so, as most features agree that both pairs range."""
@@ -276,7 +284,7 @@ class KnownPair:
         """Return the motion that most features of the second opinion agree on: doubtful, as SIFT has none."""
         in_left = second.detector(view.left, second.features)
         found = self._agreed(self._second_features, view, in_left, second.ratio)
-        return f"asked again: {found}" if isinstance(found, str) else replace(found, doubtful=True)
+        return found if isinstance(found, str) else replace(found, doubtful=True)
 
 
 def _surer(one: Motion | str, other: Motion | str) -> Motion | str:
@@ -427,25 +435,25 @@ def searched(known: KnownPair, point: Array) -> Generator[Array, StereoView | No
         if view is None:
             continue
         # most of what is known is in the first: a second opinion on each would take a second and more
-        rough = known.pose(view, again=not aside)
-        if isinstance(rough, str):
-            why = why or rough
-            continue
-        there, found = np.asarray(rough.new_from_old.apply(point), dtype=np.float64), None
-        if _shown(view, there, known.options.margin_px):
-            found = found_in(known, point, view, rough)
-            if found.accepted:
+        for rough in known.poses(view, again=not aside):
+            if isinstance(rough, str):
+                why = why or rough
+                continue
+            there, found = np.asarray(rough.new_from_old.apply(point), dtype=np.float64), None
+            if _shown(view, there, known.options.margin_px):
+                found = found_in(known, point, view, rough)
+                if found.accepted:
+                    return found
+            if rough.doubtful and (found is None or found.motion is None):
+                why = why or f"{rough.inliers} features leave the pose doubtful, and no patches prove it"
+                continue
+            # at an edge little is seen round it
+            again = yield there
+            if again is not None and again is not view:
+                return found_in(known, point, again, rough)
+            if found is not None:
                 return found
-        if rough.doubtful and (found is None or found.motion is None):
-            why = why or f"{rough.inliers} features leave the pose doubtful, and no patches prove it"
-            continue
-        # at an edge little is seen round it
-        again = yield there
-        if again is not None and again is not view:
-            return found_in(known, point, again, rough)
-        if found is not None:
-            return found
-        return _refused("the place where it must be cannot be looked at", rough.inliers)
+            return _refused("the place where it must be cannot be looked at", rough.inliers)
     return _refused(why)
 
 
