@@ -114,13 +114,23 @@ def legs_of(model: Model) -> list[tuple[int, int]]:
 
 
 def layout_of(
-    model: Model, wanted: Wanted, counted: Truths, memory: Memory, most: int, steps: int, close: Ints
+    model: Model,
+    wanted: Wanted,
+    counted: Truths,
+    memory: Memory,
+    most: int,
+    steps: int,
+    close: Ints,
+    *,
+    whole: bool,
 ) -> Layout:
-    """Return states and moves; `most` tracks are counted; `close` [wanted] is the last node to begin at."""
+    """Return states and moves; `most` tracks are counted; `close` [wanted] is the last node to begin at.
+
+    The largest count is a number where it is `whole`, else that many or more.
+    """
     legs = legs_of(model)
     bits = np.array([len(own) for own in memory.at], np.int64)
     base = np.concatenate([[0], np.cumsum(1 << bits)])
-    whole = most == int(counted.sum())
     alive = np.zeros(int(base[-1]), np.int64)
     tracked = np.full((len(memory.at), max(1, int(bits.max()))), -1)
     for p, own in enumerate(memory.at):

@@ -121,26 +121,27 @@ class Credits:
                 self.by[key] = self.by.get(key, 0.0) + share * credit
 
     def enlarged(
-        self, memory: Memory, most: int, limits: Iterable[tuple[int, float]], largest_mb: float = math.inf
+        self, memory: Memory, limits: Iterable[tuple[int, int, float]], largest_mb: float = math.inf
     ) -> Memory:
-        """Return a memory with more, with so many tracks counted.
+        """Return a memory with more.
 
-        `limits` are numbers of nodes, and the seconds that a question on so many may take.
+        `limits` are numbers of nodes and of tracks counted, and the seconds that a question on so many may
+        take.
         """
-        return _Chosen(self.model, memory, most, limits, largest_mb).of(self.by)
+        return _Chosen(self.model, memory, limits, largest_mb).of(self.by)
 
 
 class _Chosen:
     """A memory in the making, with what questions of it take."""
 
     def __init__(
-        self, model: Model, memory: Memory, most: int, limits: Iterable[tuple[int, float]], largest_mb: float
+        self, model: Model, memory: Memory, limits: Iterable[tuple[int, int, float]], largest_mb: float
     ) -> None:
         self.largest_mb = largest_mb
         self.legs = legs_of(model)
         self.at = [list(own) for own in memory.at]
         self.on = [set(memory.common(*leg)) for leg in self.legs]
-        self.sizes = [(Size.of(model, memory, most, steps), seconds) for steps, seconds in limits]
+        self.sizes = [(Size.of(model, memory, most, steps), seconds) for steps, most, seconds in limits]
 
     def of(self, credits: Mapping[Excursion, float]) -> Memory:
         """Return the memory of the excursions with the most credit for a leg, as far as the seconds go."""

@@ -39,6 +39,12 @@ class Multipliers:
         self.least = np.full(relaxation.tracks + 1, math.inf)
         self.points = [np.zeros(len(relaxation.wanted.number))] * (relaxation.tracks + 1)
 
+    def with_more_tracks(self, relaxation: NgRelaxation) -> Multipliers:
+        """Return them for a relaxation of days with more tracks: theirs are those of the most tracks."""
+        wider = Multipliers(relaxation, self.credits)
+        wider.points = [self.points[min(k, len(self.points) - 1)] for k in range(len(wider.points))]
+        return wider
+
     def lower(self, steps: int, aim: float, should_stop: Callable[[], bool]) -> None:
         """Lower the largest of the least values in so many questions, and credit what policies forget.
 

@@ -109,8 +109,13 @@ class _Begun(NamedTuple):
 class NgRelaxation:
     """The relaxation of a model on a grid, with a memory; multipliers come with each question."""
 
-    def __init__(self, model: Model, actions: Actions, memory: Memory, *, followed: bool = True) -> None:
-        """Make the tables; those of the policy only where it is to be `followed`."""
+    def __init__(
+        self, model: Model, actions: Actions, memory: Memory, *, followed: bool = True, few: bool = False
+    ) -> None:
+        """Make the tables; those of the policy only where it is to be `followed`.
+
+        Where they are for `few` tracks, they know only days that begin with no more than are counted.
+        """
         self.model, self.memory, self.actions = model, memory, actions
         self.weights, self.steps, self.most = actions.weights, actions.steps, actions.most
         self.wanted = wanted = Wanted.of(model)
@@ -118,7 +123,14 @@ class NgRelaxation:
         self.size = Size.of(model, memory, self.most, self.steps)
         self.start = self.weights.per_s * model.track_t_s + self.weights.per_j * model.track_e_j
         self.layout = a = layout_of(
-            model, wanted, self.counted, memory, self.most, self.steps, self._closes()
+            model,
+            wanted,
+            self.counted,
+            memory,
+            self.most,
+            self.steps,
+            self._closes(),
+            whole=few or self.most == int(self.counted.sum()),
         )
         lanes = lanes_of(self.most)
         at_states, on_legs = (int(a.base[-1]), a.nodes, lanes), (int(a.leg_base[-1]), a.nodes, lanes)
@@ -128,10 +140,15 @@ class NgRelaxation:
             np.zeros(on_legs, np.float32),
             np.zeros(at_states if followed else (len(at_states), 0, lanes), np.int16),
         )
-        self.tracks = int(self.counted.sum())
+        self.tracks = self.most if few else int(self.counted.sum())
         self.begun: list[_Begun] = []
         self.prices = np.zeros(len(wanted.number))
         self.kept = [frozenset(memory.common(a, b)) for a, b in legs_of(model)]
+
+    @property
+    def knows_all(self) -> bool:
+        """Whether days may begin with any number of tracks."""
+        return self.tracks == int(self.counted.sum())
 
     def _closes(self) -> Ints:
         """Return the last node that the beginning of each observation counts for."""
@@ -159,7 +176,7 @@ class NgRelaxation:
         values = np.full(self.tracks + 1, -math.inf)
         for state, gone, count, owed in self._starts(prices):
             at = count * self.start * self.steps
-            if at > self.steps:
+            if at > self.steps or count > self.tracks:
                 continue
             i, lane = int(at), min(count, self.most)
             j = min(i + 1, self.steps)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+from planner.contingency.by_place import bound
 from planner.contingency.by_place.bound import ng_bound
 from planner.contingency.by_place.bundle import Bundle
 from planner.contingency.by_place.kernels import BLOCK, before_legs, past_block
@@ -83,6 +84,36 @@ def test_each_number_of_tracks_may_have_its_own_multipliers(family: str) -> None
         each = [relaxation.by_count(worth * rng.uniform(0.0, 1.0, len(worth))) for _ in range(6)]
         bound = float(np.min(each, axis=0).max())
         assert bound >= best - SLACK * (best + model.penalty), (family, seed)
+
+
+@pytest.mark.parametrize("most", [1, 2])
+def test_a_search_for_few_tracks_values_their_days_as_one_for_all_does(most: int) -> None:
+    """With any memory and multipliers, and no day that begins with more is among them."""
+    rng = np.random.default_rng(30 + most)
+    for seed in range(12):
+        model = Model.of(generated("tracking", 7000 + seed, spread=0.3))
+        tracks, memory = int(Wanted.of(model).counted.sum()), _any_memory(model, rng)
+        weights = Weights.of(model, float(rng.choice([0.0, 1.0])))
+        every = NgRelaxation(model, Actions.of(model, weights, 32, tracks, above=False), memory)
+        few = NgRelaxation(model, Actions.of(model, weights, 32, most, above=False), memory, few=True)
+        prices = every.wanted.worth * rng.uniform(0.0, 1.0, len(every.wanted.worth))
+        known = every.by_count(prices)[: few.tracks + 1]
+        assert few.tracks == min(most, tracks)
+        assert few.by_count(prices) == pytest.approx(known, rel=1e-4, abs=1e-4), seed
+
+
+def test_no_policy_earns_more_than_a_search_for_few_tracks_finds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On problems with more tracks than are counted, and than days of the search begin with."""
+    monkeypatch.setattr(bound, "MOST_COUNTED", 2)
+    monkeypatch.setattr(bound, "FEW", 1)
+    searched = 0
+    for seed in range(20):
+        problem = generated("tracking", 8000 + seed)
+        best, model = optimum(problem), Model.of(problem)
+        searched += int(Wanted.of(model).counted.sum()) > 2
+        with tallied():
+            assert ng_bound(model, limit_s=1.0) >= best - 1e-6, seed
+    assert searched > 5
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -227,7 +258,7 @@ def test_memory_grows_where_the_policy_comes_back_and_makes_the_bound_closer() -
     for more in (2.0, 6.0, 30.0):
         credits.add([(1.0, credits.followed(relaxation, _best_count(relaxation)))])
         limit = more * relaxation.size.seconds
-        larger = _relaxed(model, credits.enlarged(relaxation.memory, 15, [(96, limit)]))
+        larger = _relaxed(model, credits.enlarged(relaxation.memory, [(96, 15, limit)]))
         assert larger.size.seconds <= limit
         for leg in legs_of(model):
             assert set(relaxation.memory.common(*leg)) <= set(larger.memory.common(*leg))
@@ -242,7 +273,7 @@ def test_a_lost_track_is_remembered_from_the_start_on() -> None:
     model = Model.of(problem_from_dict(problem_document(places=places, observations=rows, time_s=12000.0)))
     relaxation, credits = _relaxed(model, Memory.of([(), (0,), (1,), (2,)], {})), Credits(model)
     credits.add([(1.0, credits.followed(relaxation, _best_count(relaxation)))])
-    memory = credits.enlarged(relaxation.memory, 15, [(96, 1e9)])
+    memory = credits.enlarged(relaxation.memory, [(96, 15, 1e9)])
     assert memory.at[0]
     assert any(set(memory.common(a, b)) for a, b in legs_of(model) if a)
 
