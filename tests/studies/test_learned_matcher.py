@@ -33,14 +33,7 @@ from studies.learned_matcher.patches import Keys, find_keys, single, upright_sif
 from studies.learned_matcher.sights import Sight
 from studies.learned_matcher.table import report
 from studies.learned_matcher.training import rivals_of
-
-
-def picture(seed: int, size: int = 240) -> np.ndarray[Any, Any]:
-    """Return a picture with structure of several sizes."""
-    rng = np.random.default_rng(seed)
-    parts = [cv2.GaussianBlur(rng.normal(0, sd, (size, size)), (0, 0), sd) for sd in (1.0, 2.0, 4.0)]
-    whole = sum(parts)
-    return np.asarray((whole - whole.min()) / np.ptp(whole), dtype=np.float32)
+from tests.rover_iface.vision.pictures import picture
 
 
 def keys(pixels: list[tuple[float, float]]) -> Keys:

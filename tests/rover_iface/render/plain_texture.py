@@ -1,4 +1,7 @@
-"""Textures and radiance point by point, as they were first written: slow, and what the blocks are held to."""
+"""Textures and radiance point by point, as they were first written: slow, and what the blocks are held to.
+
+What is still worked out point by point (`grains`, `ripple`, ...) is the product's own.
+"""
 
 from __future__ import annotations
 
@@ -16,9 +19,6 @@ from rover_iface.simulator.render.texture import (
     DRIFT_TINT,
     DRIFT_WAVE,
     DUST,
-    RIPPLE,
-    ROCK_GRAIN,
-    SAND_GRAIN,
     SOIL_STEEP,
     SOIL_TINT,
     SOIL_TURN,
@@ -28,6 +28,10 @@ from rover_iface.simulator.render.texture import (
     STONE_TURN,
     STONE_WAVE,
     TINT_LIMIT,
+    grains,
+    ripple,
+    rock_grains,
+    sand_grains,
 )
 
 F32 = npt.NDArray[np.float32]
@@ -136,111 +140,6 @@ def drift(x: float, y: float, footprint: float, cover: float, salt: int) -> floa
         weight *= 0.62
     t = min(1.0, max(0.0, (n + 1.6 * (cover - 0.5)) / DRIFT_EDGE + 0.5))
     return t * t * (3.0 - 2.0 * t)
-
-
-@njit
-def sand_grains(x: float, y: float, footprint: float, salt: int) -> tuple[float, float, float]:
-    """Return brightness and two slopes of grains of sand at a point (m), coarse ones on a bed of fine ones.
-
-    A grain is a cap round a point of a jittered lattice, the gaps between are dark; grains that a pixel of
-    `footprint` (m) does not resolve fade.
-    """
-    tint, hx, hy = 0.0, 0.0, 0.0
-    for level in range(2):
-        cell = SAND_GRAIN[level]
-        keep = fade(0.7 * cell, footprint)
-        if keep <= 0.0:
-            continue
-        gi, gj = math.floor(x / cell), math.floor(y / cell)
-        best, bx, by, hue = 4.0, 0.0, 0.0, 0.5
-        for di in range(-1, 2):
-            for dj in range(-1, 2):
-                i, j = gi + di, gj + dj
-                h = scramble(i, j, level + 17, salt)
-                if level == 0 and (h >> 24) > 255.0 * SAND_GRAIN[2]:
-                    continue
-                ex = x / cell - i - 0.15 - 0.7 * (h & 255) / 255.0
-                ey = y / cell - j - 0.15 - 0.7 * ((h >> 8) & 255) / 255.0
-                away = ex * ex + ey * ey
-                if away < best:
-                    best, bx, by, hue = away, ex, ey, ((h >> 16) & 255) / 255.0
-        if level == 0 and best > 0.2:  # no coarse grain here
-            continue
-        edge = min(1.0, best / 0.3)
-        tint = keep * (0.5 * (hue - 0.5) - 0.35 * edge * edge)
-        # the side of a ball, no steeper than its foot is hidden by its neighbours
-        hx, hy = -1.6 * keep * bx, -1.6 * keep * by
-        if level == 0:
-            break
-    return tint, hx, hy
-
-
-@njit
-def rock_grains(
-    x: float, y: float, z: float, nx: float, ny: float, nz: float, footprint: float, salt: int
-) -> tuple[float, float, float, float]:
-    """Return brightness and three slopes of the grains of rock at a point (m) with normal (`nx`, `ny`, `nz`).
-
-    They are those of sand, larger and worn, projected along the axis that the normal is nearest to.
-    """
-    k = SAND_GRAIN[1] / ROCK_GRAIN[0]
-    if abs(nz) >= abs(nx) and abs(nz) >= abs(ny):
-        t, a, b = sand_grains(k * x, k * y, k * footprint, salt)
-        hx, hy, hz = a, b, 0.0
-    elif abs(nx) >= abs(ny):
-        t, a, b = sand_grains(k * y, k * z, k * footprint, salt)
-        hx, hy, hz = 0.0, a, b
-    else:
-        t, a, b = sand_grains(k * x, k * z, k * footprint, salt)
-        hx, hy, hz = a, 0.0, b
-    worn = ROCK_GRAIN[1]
-    return worn * t, worn * hx, worn * hy, worn * hz
-
-
-@njit
-def ripple(
-    x: float, y: float, footprint: float, wind_x: float, wind_y: float, salt: int
-) -> tuple[float, float, float]:
-    """Return brightness and the two slopes of wind ripples at a point (m), for a steepest slope of 1.
-
-    Crests lie across the wind, which comes from (`wind_x`, `wind_y`); they bend, fork and die out. Ripples
-    narrower than two pixels of `footprint` (m) fade.
-    """
-    keep = fade(0.5 * RIPPLE[0], footprint)
-    if keep <= 0.0:
-        return 0.0, 0.0, 0.0
-    patch, _, _ = noise2(x / RIPPLE[1], y / RIPPLE[1], salt)
-    strength = keep * min(1.0, max(0.0, 0.5 + 1.6 * patch))
-    if strength <= 0.0:
-        return 0.0, 0.0, 0.0
-    along = (wind_x * x + wind_y * y) / RIPPLE[0]
-    aside = (wind_x * y - wind_y * x) / RIPPLE[0]
-    bend, b_along, b_aside = noise2(0.35 * along, 0.12 * aside, salt + 1)
-    phase = 6.283185307179586 * (along + RIPPLE[2] * bend)
-    # steeper in the lee: a second wave leans the crest
-    slope = (math.cos(phase) + 0.5 * math.cos(2.0 * phase + 0.6)) / 1.4
-    d_along = 1.0 + RIPPLE[2] * 0.35 * b_along
-    d_aside = RIPPLE[2] * 0.12 * b_aside
-    hx = strength * slope * (d_along * wind_x - d_aside * wind_y)
-    hy = strength * slope * (d_along * wind_y + d_aside * wind_x)
-    # coarser, darker grains gather on the crests
-    return -0.35 * strength * math.sin(phase), hx, hy
-
-
-@njit
-def grains(x: float, y: float, footprint: float, salt: int) -> float:
-    """Return noise, about -1 to 1, at x, y (m) of grains that a pixel of `footprint` (m) does not resolve.
-
-    Two lattices of powers of two pass into each other as the footprint grows; their cells are 1.2 pixels wide
-    where one stands alone.
-    """
-    scale = math.log2(footprint)
-    level = math.floor(scale)
-    t = scale - level
-    cell = 1.2 * 2.0**level
-    near, _, _ = noise2(x / cell, y / cell, salt + int(level))
-    far, _, _ = noise2(0.5 * x / cell, 0.5 * y / cell, salt + int(level) + 1)
-    return ((1.0 - t) * near + t * far) / math.sqrt((1.0 - t) * (1.0 - t) + t * t)
 
 
 @njit

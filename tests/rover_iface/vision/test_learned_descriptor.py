@@ -25,14 +25,7 @@ from rover_iface.vision.learned.descriptor import (
     described,
     detect,
 )
-
-
-def picture(seed: int, size: int = 240) -> np.ndarray[Any, Any]:
-    """Return a picture with structure of several sizes."""
-    rng = np.random.default_rng(seed)
-    parts = [cv2.GaussianBlur(rng.normal(0, sd, (size, size)), (0, 0), sd) for sd in (1.0, 2.0, 4.0)]
-    whole = sum(parts)
-    return np.asarray((whole - whole.min()) / np.ptp(whole), dtype=np.float32)
+from tests.rover_iface.vision.pictures import picture
 
 
 def test_patch_is_the_picture_round_its_middle() -> None:
