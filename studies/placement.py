@@ -47,8 +47,9 @@ from rover_iface.placement.cloud_alignment import Alignment, align
 from rover_iface.placement.narrow_looks import NarrowLook
 from rover_iface.placement.segmentation import Segmentation, SegmentationOptions
 from rover_iface.profile import load_profile
-from studies.common.placement_rocks import HERE, RockScene, TrueLimits, rock_scene
+from studies.common.placement_rocks import HERE, RockScene, rock_scene
 from studies.common.placement_stereo import RockView, narrow_view
+from studies.common.true_surface import TrueLimits
 
 Array = npt.NDArray[np.float64]
 

@@ -26,7 +26,8 @@ from rover_iface.placement.patch_check import PatchCheck
 from rover_iface.placement.second_labels import SECOND_EDGE_PX, second_labels
 from rover_iface.placement.segmentation import GROUND, SegmentationOptions
 from rover_iface.profile import load_profile
-from studies.common.placement_rocks import TrueLimits, rock_scene
+from studies.common.placement_rocks import rock_scene
+from studies.common.true_surface import TrueLimits
 from studies.placement import MAST_SEED, designated, narrow_look
 
 PLACES, EVERY, ROUND_M = 3, 3, 0.024

@@ -15,43 +15,18 @@ import numpy.typing as npt
 
 from rover_iface.cameras.model import CameraModel
 from rover_iface.cameras.rig import load_cameras
-from rover_iface.frames import Pose, across
+from rover_iface.frames import Pose
 from rover_iface.simulator.render.renderer import Sun
 from rover_iface.simulator.render.scene import Material, Scene, SceneMesh
 from rover_iface.terrain.fractal import spectral_noise
 from rover_iface.terrain.rocks import Rock, icosphere, rock_meshes
 from studies.common.placement_stereo import RockView, Seen, StereoModel, mast_view
+from studies.common.true_surface import TrueLimits, TruePatch, true_patch
 
 Array = npt.NDArray[np.float64]
 
 NEAREST_M = 0.35
 TARGET = "target"
-
-
-@dataclass(frozen=True)
-class TrueLimits:
-    """What the instrument bears, whatever the rover believes: lengths in metres.
-
-    `tilt_rad` is what the arm may leave between tool and normal at a place that counts as safe and in reach.
-    """
-
-    protrusion_m: float = 0.020
-    depth_m: float = 0.030
-    slope_rad: float = math.radians(20.0)
-    rock_share: float = 0.97
-    arm_error_m: float = 0.002
-    tilt_rad: float = math.radians(14.0)
-
-
-@dataclass(frozen=True)
-class TruePatch:
-    """The true surface under the tool; `wrong` names what the instrument does not bear."""
-
-    protrusion_m: float
-    depth_m: float
-    slope_rad: float
-    rock_share: float
-    wrong: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,39 +63,7 @@ class RockScene:
     ) -> TruePatch:
         """Return the surface that a tool of `radius_m` meets when it comes down along -normal on `point`."""
         at = point if error is None else point + error
-        first, second = across(normal)
-        line = np.arange(-radius_m, radius_m + 1e-9, 0.002)
-        u, v = (g.ravel() for g in np.meshgrid(line, line))
-        inside = np.hypot(u, v) <= radius_m
-        u, v = u[inside], v[inside]
-        above = 0.14
-        starts = at + u[:, None] * first + v[:, None] * second + above * normal
-        hit = self.scene.cast(starts, np.broadcast_to(-normal, starts.shape))
-        far = hit["tfar"].astype(np.float64)
-        met = far < 1e30
-        height = above - far
-        on_rock = met & (self.scene.objects[np.maximum(hit["primID"], 0)] == self.target_index)
-        share = float(on_rock.mean())
-        if on_rock.sum() < 8:
-            return TruePatch(math.inf, math.inf, math.pi / 2, share, ("missed",))
-        # the tool's face rests on the upper part; what is a hand's breadth below is not a support
-        close = on_rock & (height > np.quantile(height[on_rock], 0.5) - 0.05)
-        design = np.column_stack((u, v, np.ones_like(u)))
-        plane = np.linalg.lstsq(design[close], height[close], rcond=None)[0]
-        off = np.where(met, height - design @ plane, -math.inf)
-        protrusion, depth = float(off.max()), float(-off.min())
-        slope = math.atan(math.hypot(plane[0], plane[1]))
-        wrong = tuple(
-            name
-            for name, bad in (
-                ("missed", share < limits.rock_share),
-                ("protrusion", protrusion > limits.protrusion_m),
-                ("edge", depth > limits.depth_m),
-                ("slope", slope > limits.slope_rad),
-            )
-            if bad
-        )
-        return TruePatch(protrusion, depth, slope, share, wrong)
+        return true_patch(self.scene, self.target_index, at, normal, radius_m, limits)
 
     @cached_property
     def hazcam(self) -> RockView:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from rover_iface.frames import Pose
-from studies.common.placement_rocks import TrueLimits, rock_scene
+from studies.common.placement_rocks import rock_scene
+from studies.common.true_surface import TrueLimits
 from studies.placement import designated
 
 SEED = 15_000
