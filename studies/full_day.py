@@ -1,6 +1,7 @@
 """The paper's day on the `full` rover: tracked targets, one track lost on purpose, one target without stereo.
 
     .venv/bin/python -m studies.full_day --seed 2 --out /tmp/day [--terrain DIR] [--docs docs]
+    .venv/bin/python -m studies.full_day --fresh 20 --ground both --out /tmp/days [--docs docs]
 
 Section 8 of the single-cycle instrument placement paper: K9 drove 28 m, approached four targets and took
 close-ups of three, the fourth was rejected for missing stereo; faults were injected to see the
@@ -11,19 +12,19 @@ lies on the lens of a hazard camera before another (`lens-dust`). On a real DEM 
 first: its posts hold no detail at the scale of a tool.
 
 Every stage is timed, wall and CPU; the bar is 6 minutes of wall time on two cores.
+
+The second form flies days of seeds drawn now, on generated ground and on Curiosity's in turn, with targets by
+the plain rule (`plain_choice`) and no faults, and judges each target by the truth (`full_days`). Seeds and
+days are kept in the folder; the command goes on where it was stopped.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import math
 import shutil
-import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -47,15 +48,16 @@ from rover_iface.simulator.subframe_rover import body_of
 from rover_iface.simulator.terrain_rover import TerrainRover
 from rover_iface.simulator.world import load_world
 from rover_iface.terrain import Terrain, generate_terrain, load_terrain
-from rover_iface.terrain.strew import strew_rocks
+from studies.common.day_fates import failures
+from studies.common.day_grounds import strewn
+from studies.common.full_days import GROUNDS, drawn_days, fly_days, report
 from studies.common.operator_choice import Operator, Pick, choose
 from studies.common.pages import write_section
-from studies.subframe_day import WORLD_ERROR, failures
+from studies.common.plain_day import ENERGY_J, TIME_S, WORLD_ERROR, Stages, travelled, write_day
 
 PLACEMENTS = 4
 """What the downlink of the day has room for: as many as the paper's rover approached."""
 BRANCHES = 6
-STREWN_COVER = 0.07
 
 
 def fly_day(
@@ -66,16 +68,9 @@ def fly_day(
     faults: bool = True,
 ) -> dict[str, Any]:
     """Return what the day came to; the run's folder is `out`."""
-    spent: dict[str, tuple[float, float]] = {}
-
-    @contextmanager
-    def stage(name: str) -> Iterator[None]:
-        wall, cpu = time.perf_counter(), time.process_time()
-        yield
-        spent[name] = (time.perf_counter() - wall, time.process_time() - cpu)
-
+    stage = Stages()
     with stage("terrain"):
-        terrain = generate_terrain(seed) if folder is None else _strewn(load_terrain(folder), seed)
+        terrain = generate_terrain(seed) if folder is None else strewn(load_terrain(folder), seed)
     profile = load_profile("k9")
     with stage("targets, observation points, paths"):
         mission = demo_mission(terrain, profile, seed=seed)
@@ -90,18 +85,8 @@ def fly_day(
         plan = solve(problem, max_branches=BRANCHES, time_limit_s=20.0, seed=seed)
         tree = plan_tree_to_dict(plan.tree, problem)
         crl = canonical_text(emit(problem, plan.tree, plan_id="day"))
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "plan.crl").write_text(crl, encoding="utf-8")
     injected = _faults(document, tree) if faults else []
-    world = {
-        "format": "world/1",
-        "name": mission.name,
-        "problem": document,
-        "map_error": WORLD_ERROR,
-        "battery_j": 4_000_000,
-        "faults": injected,
-    }
-    (out / "world.json").write_text(json.dumps(world, indent=1) + "\n", encoding="utf-8")
+    world = write_day(out, mission.name, crl, document, injected)
     with stage("world of the rover: unmapped rocks, scene"):
         rover = make_rover(world, terrain=terrain, seed=seed, out=out)
         triangles = rover.body.renderer.scene.triangle_count
@@ -116,7 +101,7 @@ def fly_day(
         "branches_taken": [o for o in flight.options_taken() if not o.startswith("go-on")],
         "branches": plan.branches,
         "hours": (flight.outcome.end_s or 0.0) / 3600,
-        "driven_m": _driven(rover),
+        "driven_m": travelled(rover)[-1][1],
         "updates": len(rover.truth.history),
         "targets": {t.id: _target(rover, t.id, out) for t in (pick.target for pick in picks)},
         "track": [
@@ -124,9 +109,9 @@ def fly_day(
              "error_m": r.error_m, "t_s": r.t_s}
             for r in rover.truth.history
         ],
-        "driven_at": [[t, travelled] for t, travelled in _travelled(rover)],
+        "driven_at": [[t_s, way_m] for t_s, way_m in travelled(rover)],
         "triangles": triangles,
-        "stages": spent,
+        "stages": stage.spent,
     }  # fmt: skip
 
 
@@ -137,7 +122,7 @@ def _prepared(terrain: Terrain, profile: RoverProfile, mission: Day, picks: Sequ
         for k, p in enumerate(picks)
     )
     volume = PLACEMENTS * 8.0 * profile.instrument("mi").volume_mb
-    limits = replace(mission.limits, time_s=8 * 3600.0, energy_j=3_000_000.0, data_mbit=volume)
+    limits = replace(mission.limits, time_s=TIME_S, energy_j=ENERGY_J, data_mbit=volume)
     targets = tuple(pick.target for pick in picks)
     return prepare_day(terrain, profile, replace(mission, limits=limits, targets=targets, requests=requests))
 
@@ -156,12 +141,6 @@ def _designated(picks: Sequence[Pick], mission: Day, terrain: Terrain, seed: int
     return tuple(found)
 
 
-def _strewn(terrain: Terrain, seed: int) -> Terrain:
-    return strew_rocks(
-        terrain, seed=seed, half_m=14.0, total_cover=STREWN_COVER, keep_clear=((0.0, 0.0, 1.6),)
-    )
-
-
 def _faults(problem: Mapping[str, Any], tree: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the loss of a track, and dust before the target that is visited first of the others."""
     lost = loss_to_inject(problem, tree)
@@ -171,19 +150,6 @@ def _faults(problem: Mapping[str, Any], tree: Mapping[str, Any]) -> list[dict[st
     if others:
         found.append({"kind": "lens-dust", "target": others[0], "at_s": 1.0})
     return [{name: f[name] for name in ("kind", "at_s", "target")} for f in found]
-
-
-def _travelled(rover: TerrainRover) -> list[tuple[float, float]]:
-    rows = rover.truth.odometry
-    way, out = 0.0, [(rows[0][0], 0.0)]
-    for (_, a, _), (t, b, _) in pairwise(rows):
-        way += math.hypot(b.x - a.x, b.y - a.y)
-        out.append((t, way))
-    return out
-
-
-def _driven(rover: TerrainRover) -> float:
-    return _travelled(rover)[-1][1]
 
 
 def _target(rover: TerrainRover, name: str, out: Path) -> dict[str, Any]:
@@ -316,9 +282,19 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=2)
     parser.add_argument("--terrain", type=Path)
     parser.add_argument("--no-faults", action="store_true")
+    parser.add_argument("--fresh", type=int, help="fly so many days of seeds drawn now")
+    parser.add_argument("--ground", choices=GROUNDS, default="both", help="of the days of fresh seeds")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--docs", type=Path)
     arguments = parser.parse_args()
+    if arguments.fresh:
+        days = drawn_days(arguments.out, arguments.fresh, arguments.ground)
+        print("days:", ", ".join(f"{ground} {seed}" for ground, seed in days), flush=True)
+        text = report(fly_days(arguments.out, days))
+        print(text)
+        if arguments.docs is not None:
+            write_section(arguments.docs, "full-rover", "fresh", text)
+        return
     result = fly_day(arguments.seed, arguments.out, arguments.terrain, faults=not arguments.no_faults)
     (arguments.out / "day.json").write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     text = table(result)

@@ -16,128 +16,42 @@ import argparse
 import json
 import math
 import secrets
-import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import replace
-from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any
 
-from executive.crl import canonical_text
-from ground.day.prepare import prepare_day
-from ground.demo.mission import demo_mission
-from ground.uplink.flight import fly
-from mission import Day, Request, Target, Tracked
-from planner.emit_crl import emit
-from planner.problem import problem_to_dict
-from planner.solve import solve
-from rover_iface.profile import RoverProfile, load_profile
-from rover_iface.simulator.subframe_rover import make_rover
-from rover_iface.simulator.truth import TrackRecord
-from rover_iface.terrain import Terrain, generate_terrain
-from studies.common.day_fates import fate_table, fates
+from rover_iface.terrain import generate_terrain
+from studies.common.day_fates import failures, fate_table, fates, not_begun
 from studies.common.pages import write_section
-from studies.common.plain_choice import plain_targets
-
-TARGETS = 5
-WORLD_ERROR = {"unmapped_rocks_per_m2": 0.01, "softer": 1.2}
+from studies.common.plain_day import TARGETS, fly_plain_day, processor_s
 
 
 def fly_day(seed: int, out: Path, targets: int = TARGETS) -> dict[str, Any]:
     """Return what the day came to; the run's folder is `out`."""
-    spent: dict[str, tuple[float, float]] = {}
-
-    @contextmanager
-    def stage(name: str) -> Iterator[None]:
-        wall, cpu = time.perf_counter(), time.process_time()
-        yield
-        spent[name] = (time.perf_counter() - wall, time.process_time() - cpu)
-
-    with stage("terrain"):
-        terrain = generate_terrain(seed)
-    profile = load_profile("k9")
-    with stage("targets, observation points, paths"):
-        mission = demo_mission(terrain, profile, seed=seed)
-        chosen = visible_targets(terrain, profile, mission, targets, seed)
-        requests = tuple(Request(f"R{k + 1}", t.id, "mi", 20.0, (Tracked(),)) for k, t in enumerate(chosen))
-        limits = replace(mission.limits, time_s=8 * 3600.0, energy_j=3_000_000.0)
-        asked = replace(mission, limits=limits, targets=chosen, requests=requests)
-        day = prepare_day(terrain, profile, asked)
-    with stage("plan and CRL"):
-        problem = day.problem
-        plan = solve(problem, max_branches=0, time_limit_s=20.0, seed=seed)
-        crl = canonical_text(emit(problem, plan.tree, plan_id="day"))
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "plan.crl").write_text(crl, encoding="utf-8")
-    world = {
-        "format": "world/1",
-        "name": mission.name,
-        "problem": problem_to_dict(problem),
-        "map_error": WORLD_ERROR,
-        "battery_j": 4_000_000,
-    }
-    (out / "world.json").write_text(json.dumps(world, indent=1) + "\n", encoding="utf-8")
-    with stage("world of the rover: unmapped rocks, scene"):
-        rover = make_rover(world, terrain=terrain, seed=seed, out=out)
-        triangles = rover.body.renderer.scene.triangle_count
-    with stage("the day under the executive"):
-        flight = fly(crl, rover, out, run_id="day", about={"rover": "subframe", "seed": seed}, sync=False)
-    true = [pose for _, pose, _ in rover.truth.odometry]
+    day = fly_plain_day("subframe", seed, out, lambda: generate_terrain(seed), targets)
+    history = day.rover.truth.history
     rows = [json.loads(line) for line in (out / "products.jsonl").read_text("utf-8").splitlines()]
-    refused = {r.target_id: r.reason for r in day.refused}
-    became = fates(out, [t.id for t in chosen], refused, rover.truth.history)
+    refused = {r.target_id: r.reason for r in day.prepared.refused}
+    became = fates(out, [t.id for t in day.targets], refused, history)
     return {
         "seed": seed,
-        "targets": len(chosen),
-        "outcome": flight.outcome.outcome,
-        "hours": (flight.outcome.end_s or 0.0) / 3600,
-        "driven_m": sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(true)),
-        "updates": len(rover.truth.history),
+        "targets": len(day.targets),
+        "outcome": day.flight.outcome.outcome,
+        "hours": (day.flight.outcome.end_s or 0.0) / 3600,
+        "driven_m": day.driven_m,
+        "updates": len(history),
         "fates": became,
         "placed": sum(fate.placed for fate in became),
-        "tracked_error_m": [r.error_m for r in rover.truth.history if r.state == "tracked"],
-        "lost": sorted({r.target for r in rover.truth.history if r.state == "failed"}),
+        "tracked_error_m": [r.error_m for r in history if r.state == "tracked"],
+        "lost": sorted({r.target for r in history if r.state == "failed"}),
         "images": sum(row["path"].endswith(".png") for row in rows),
         "images_of_requests": sum(row["path"].endswith(".png") and "request" in row["label"] for row in rows),
         "products": len(rows),
-        "triangles": triangles,
-        "failures": failures(out) + not_begun(out, rover.truth.history),
+        "triangles": day.triangles,
+        "failures": failures(out) + not_begun(out, history),
         "refused": [f"{name}: {reason}" for name, reason in refused.items()],
         "wrong": [fate.target for fate in became if fate.wrong],
-        "stages": spent,
+        "stages": day.spent,
     }
-
-
-def failures(out: Path) -> list[str]:
-    """Return task and reason of every drive and placement that failed."""
-    found = []
-    for line in (out / "journal.jsonl").read_text("utf-8").splitlines():
-        for event in json.loads(line).get("events", ()):
-            if event["e"] == "result" and not event["success"]:
-                reason = event["reason"].split("; ")[0]
-                found.append(f"{event['command'][1]}: {reason}")
-    return found
-
-
-def not_begun(out: Path, history: Sequence[TrackRecord]) -> list[str]:
-    """Return each drive to a target that never began, with what the tracker last said of the target.
-
-    `history` is every answer of the tracker, in time.
-    """
-    found = []
-    for record in (json.loads(line) for line in (out / "trace.jsonl").read_text("utf-8").splitlines()):
-        if record[1] != "end" or record[3:] != ["FAILED", "start-condition"]:
-            continue
-        task, _, target = str(record[2]).partition("-")
-        if task != "navigate":
-            continue
-        last = next((r for r in reversed(history) if r.target == target and r.t_s <= record[0]), None)
-        why = "never tracked"
-        if last is not None:
-            why = f"{last.state} {last.range_m:.1f} m away" + "".join(f", {r}" for r in last.reasons[:1])
-        found.append(f"{record[2]}: not begun, {target} {why}")
-    return found
 
 
 def comparison(results: list[dict[str, Any]]) -> str:
@@ -163,7 +77,7 @@ def comparison(results: list[dict[str, Any]]) -> str:
         rows.append(
             (
                 str(r["seed"]),
-                f"{processor_s(r):.0f} s",
+                f"{processor_s(r['stages']):.0f} s",
                 f"{r['driven_m']:.0f} m",
                 str(r["updates"]),
                 f"{100 * errors[len(errors) // 2]:.1f} cm" if errors else "-",
@@ -178,18 +92,6 @@ def comparison(results: list[dict[str, Any]]) -> str:
     return "\n".join("| " + " | ".join(row) + " |" for row in rows)
 
 
-def processor_s(result: dict[str, Any]) -> float:
-    """Return what a day took of a processor, s, terrain and planning included."""
-    return float(sum(cpu for _, cpu in result["stages"].values()))
-
-
-def visible_targets(
-    terrain: Terrain, profile: RoverProfile, mission: Day, count: int, seed: int
-) -> tuple[Target, ...]:
-    """Return the first `count` targets of the plain rule, fewer where fewer are in sight."""
-    return tuple(islice(plain_targets(terrain, profile, mission, seed), count))
-
-
 def table(result: dict[str, Any]) -> str:
     """Return the day as a Markdown table."""
     rows = [
@@ -199,7 +101,7 @@ def table(result: dict[str, Any]) -> str:
         (
             "**all**",
             f"**{sum(w for w, _ in result['stages'].values()):.0f}**",
-            f"**{processor_s(result):.0f}**",
+            f"**{processor_s(result['stages']):.0f}**",
         ),
     ]
     text = "\n".join("| " + " | ".join(row) + " |" for row in rows)
@@ -235,7 +137,10 @@ def main() -> None:
         for seed in arguments.seeds:
             results.append(fly_day(seed, arguments.out / str(seed), arguments.targets))
             day = results[-1]
-            print(f"seed {seed}: {day['placed']} placed, {processor_s(day):.0f} s of a processor", flush=True)
+            print(
+                f"seed {seed}: {day['placed']} placed, {processor_s(day['stages']):.0f} s of a processor",
+                flush=True,
+            )
         text, section = comparison(results), "days"
     else:
         text = table(fly_day(arguments.seed, arguments.out, arguments.targets))

@@ -14,6 +14,7 @@ from rover_iface.simulator.truth import TrackRecord
 CLAIMED_WRONG_M = 0.02
 """A placement further from the target than this, told as made, is claimed and wrong."""
 PLACED, NO_PRODUCT, WRONG = "placed", "placed, no product", "claimed and wrong"
+REFUSED = "refused on arrival"
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +78,7 @@ def fates(
             if off_m > CLAIMED_WRONG_M:
                 what = WRONG
         elif placing is not None:
-            what, why = "refused on arrival", placing["reason"]
+            what, why = REFUSED, placing["reason"]
         elif drive is not None and drive["success"]:
             what, why = "lost on arrival", "; ".join(lost.reasons) if lost else ""
         elif drive is not None:
@@ -87,6 +88,35 @@ def fates(
         else:
             what, why = "drive not begun", ends[f"navigate-{target}"]
         found.append(Fate(target, what, why, seen[-1].range_m if seen else None, off_m))
+    return found
+
+
+def failures(out: Path) -> list[str]:
+    """Return task and reason of every drive and placement that failed."""
+    return [
+        f"{event['command'][1]}: {event['reason'].split('; ')[0]}"
+        for event in _results(out)
+        if not event["success"]
+    ]
+
+
+def not_begun(out: Path, history: Sequence[TrackRecord]) -> list[str]:
+    """Return each drive to a target that never began, with what the tracker last said of the target.
+
+    `history` is every answer of the tracker, in time.
+    """
+    found = []
+    for record in (json.loads(line) for line in (out / "trace.jsonl").read_text("utf-8").splitlines()):
+        if record[1] != "end" or record[3:] != ["FAILED", "start-condition"]:
+            continue
+        task, _, target = str(record[2]).partition("-")
+        if task != "navigate":
+            continue
+        last = next((r for r in reversed(history) if r.target == target and r.t_s <= record[0]), None)
+        why = "never tracked"
+        if last is not None:
+            why = f"{last.state} {last.range_m:.1f} m away" + "".join(f", {r}" for r in last.reasons[:1])
+        found.append(f"{record[2]}: not begun, {target} {why}")
     return found
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import islice
 
 import numpy as np
 
@@ -46,3 +47,10 @@ def plain_targets(terrain: Terrain, profile: RoverProfile, mission: Day, seed: i
             continue
         number += 1
         yield target_at(terrain, f"T{number}", rock.id, float(point[0]), float(point[1]))
+
+
+def visible_targets(
+    terrain: Terrain, profile: RoverProfile, mission: Day, count: int, seed: int
+) -> tuple[Target, ...]:
+    """Return the first `count` targets of the plain rule, fewer where fewer are in sight."""
+    return tuple(islice(plain_targets(terrain, profile, mission, seed), count))

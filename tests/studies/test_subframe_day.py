@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from rover_iface.simulator.truth import TrackRecord
-from studies.subframe_day import not_begun
+from studies.common.day_fates import not_begun
 
 WHERE = (0.0, 0.0, 0.0)
 
