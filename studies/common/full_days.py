@@ -77,30 +77,32 @@ def _flown(ground: str, seed: int, out: Path) -> Row:
     day = fly_plain_day("full", seed, out, lambda: ground_of(ground, seed))
     judged = judged_fates(day, out)
     return {
-        "ground": ground,
-        "seed": seed,
-        "exception": "",
+        **row_of(ground, seed, judged),
         "stages": day.spent,
         "hours": (day.flight.outcome.end_s or 0.0) / 3600,
         "driven_m": day.driven_m,
         "outcome": day.flight.outcome.outcome,
         "failures": failures(out) + not_begun(out, day.rover.truth.history),
-        **_counts(judged),
-        "targets": [_target(one) for one in judged],
     }
 
 
-def _counts(judged: Sequence[Judged]) -> dict[str, int]:
-    """Return how many targets came to each end; those that were approached come to just one of four."""
+def row_of(ground: str, seed: int, judged: Sequence[Judged]) -> Row:
+    """Return how many targets of a day came to each end, and what each came to."""
     approached = [one for one in judged if one.approached]
     ends = Counter(_end(one) for one in approached)
     return {
+        "ground": ground,
+        "seed": seed,
+        "exception": "",
         "asked": len(judged),
         "approached": len(approached),
         **{name: ends[name] for name in ENDS},
         "wrong": sum(one.fate.wrong for one in judged),
         "unsafe": sum(bool(one.unsafe) for one in judged),
         "untold": sum(not one.told for one in judged),
+        "targets": [
+            {**asdict(one), "end": _end(one) if one.approached else "not approached"} for one in judged
+        ],
     }
 
 
@@ -110,10 +112,6 @@ def _end(one: Judged) -> str:
     if one.refused_rightly:
         return "refused_rightly"
     return "refused_wrongly" if one.refused else "failed"
-
-
-def _target(one: Judged) -> Row:
-    return {**asdict(one), "end": _end(one) if one.approached else "not approached"}
 
 
 def _brief(row: Row) -> str:
