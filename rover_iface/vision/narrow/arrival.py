@@ -9,15 +9,13 @@ import numpy.typing as npt
 
 from rover_iface.cameras.model import Array
 from rover_iface.errors import CameraError, RenderError, TrackerError
-from rover_iface.vision.narrow_range import NarrowSight, PairFor, narrow_sight
+from rover_iface.vision.narrow.designation import off_the_edge
+from rover_iface.vision.narrow_range import NarrowSight, PairFor
 from rover_iface.vision.shape_tracker import CombinedTracker
 from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
 
 ARRIVED_M = 2.2
 """Distance from the mast cameras at which a target counts as arrived at."""
-
-NARROW_M = 3.5
-"""Distance from which on a new target is ranged by the narrow pair; nearer, the navcams know enough."""
 
 
 class ArrivalTracker:
@@ -25,8 +23,8 @@ class ArrivalTracker:
 
     A target that the features have lost, even failed, is tracked again if registration finds it, as the
     single-cycle instrument placement paper reports; one that they have is settled where both agree. A target
-    that is far when it is designated is looked at by the narrow pair too, if there is one: it ranges better,
-    and its picture is what the near navcams go back to (`CombinedTracker.recall`).
+    is looked at by the narrow pair too when it is designated, if there is one: it ranges better, and its
+    picture is what the near navcams go back to (`CombinedTracker.recall`).
     """
 
     def __init__(
@@ -42,21 +40,30 @@ class ArrivalTracker:
         self.settled: dict[str, TrackUpdate] = {}
 
     def start(self, target: str, position: npt.ArrayLike, view: StereoView) -> TrackUpdate:
-        """See `Tracker`."""
-        narrow = self._narrow(target, np.asarray(position, dtype=np.float64), view)
-        return self.tracker.start(target, position, view, narrow=narrow)
+        """See `Tracker`.
 
-    def _narrow(self, target: str, position: Array, view: StereoView) -> NarrowSight | None:
-        """Return the target in the narrow pair; None where that is not needed or does not show it."""
+        A point that lies at an edge in the first pictures, as the mast's error puts it there, is moved to the
+        nearest place beside it that lies on one surface.
+
+        Raises
+        ------
+        TrackerError
+            Besides what the feature tracker raises, if there is no such place near.
+        """
+        pixel, narrow = self._sighted(target, np.asarray(position, dtype=np.float64), view)
+        return self.tracker.start(target, position, view, pixel=pixel, narrow=narrow)
+
+    def _sighted(self, target: str, position: Array, view: StereoView) -> tuple[Array, NarrowSight | None]:
+        """Return the pixel (2,) of a target, and what the narrow pair has there; None without one."""
         away = float(np.linalg.norm(position - view.left_camera.C))
         pixel = np.asarray(view.left_camera.project(position), dtype=np.float64)
-        if self.narrow is None or away < NARROW_M or not np.isfinite(pixel).all():
-            return None
+        if self.narrow is None or not np.isfinite(pixel).all():
+            return pixel, None
         try:
             pair = self.narrow(target, position)
         except (CameraError, RenderError, TrackerError):
-            return None
-        return narrow_sight(view, pixel, pair, away)
+            return pixel, None
+        return off_the_edge(target, view, pixel, pair, away)
 
     def update(self, target: str, view: StereoView) -> TrackUpdate:
         """See `Tracker`."""
