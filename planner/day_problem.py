@@ -41,11 +41,14 @@ class Refusal:
 
 @dataclass(frozen=True, slots=True)
 class RoverCosts:
-    """What the rover spends beside its drives: on observations by instrument, and to begin a track."""
+    """What the rover spends beside its drives: on observations by instrument, and to begin a track; and the
+    chance that a track does not begin.
+    """
 
     instruments: Mapping[str, Instrument]
     track_start_s: float
     track_start_j: float
+    p_unbegun: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -118,7 +121,7 @@ def problem_of(day: Day, network: PathNetwork, costs: RoverCosts) -> DayProblem:
             _target(day, stands[target], target, [_observation(costs, r, terms[r.id]) for r in requests])
             for target, requests in asked.items()
         ),
-        "legs": _legs(network, {target: points[target] for target in asked}),
+        "legs": _legs(network, {target: points[target] for target in asked}, costs.p_unbegun),
         "precedence": tuple((a, r) for r, request in terms.items() for a in request.after),
         "refs": dict(day.refs),
     }
@@ -220,8 +223,12 @@ def _observation(costs: RoverCosts, request: Request, terms: Stated) -> Observat
     return document
 
 
-def _legs(network: PathNetwork, points: Mapping[str, str]) -> tuple[LegDocument, ...]:
-    """Return the drives between the places of the problem; a target stands for its observation point."""
+def _legs(network: PathNetwork, points: Mapping[str, str], p_unbegun: float) -> tuple[LegDocument, ...]:
+    """Return the drives between the places of the problem; a target stands for its observation point.
+
+    Tracks begin at the start and nowhere else, so one that does not begin counts as lost on the drive from
+    there: what is left to do is the same, but a drive to that target is refused instead of driven.
+    """
     target_of = {point: target for target, point in points.items()}
     legs = []
     for route in network.routes:
@@ -229,13 +236,14 @@ def _legs(network: PathNetwork, points: Mapping[str, str]) -> tuple[LegDocument,
         to = target_of.get(route.destination)
         if origin is None or to is None or origin == to:
             continue
+        gone = p_unbegun if origin == START else 0.0
         leg: LegDocument = {
             "from": origin,
             "to": to,
             "length_m": round(route.length_m, 3),
             "time_s": {"mean": round(route.duration_mean_s, 3), "sd": round(route.duration_sd_s, 3)},
             "energy_j": {"mean": round(route.energy_mean_j, 1), "sd": round(route.energy_sd_j, 1)},
-            "p_lose": {t: round(p, 6) for t, p in route.p_lose.items() if t in points},
+            "p_lose": {t: round(p + (1.0 - p) * gone, 6) for t, p in route.p_lose.items() if t in points},
             "route": tuple((round(x, 3), round(y, 3)) for x, y in route.points),
         }
         if route.p_fail > 0.0:

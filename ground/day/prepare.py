@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from ground.errors import InvalidInputError
-from mission import Day, KeepOut, Pose, Request, Target, TerrainGrid
+from mission import Amount, Day, KeepOut, Pose, Request, Target, TerrainGrid
 
 if TYPE_CHECKING:
-    from planner.day_problem import Refusal
+    from planner.day_problem import Refusal, RoverCosts
     from planner.path_network import Calibration, PathNetwork, RoverParameters
     from planner.problem import Problem
     from rover_iface.placement.base_placement import ObservationPoint
@@ -59,7 +59,7 @@ def prepare_day(
     NetworkError, TerrainError
         If the start or a keep-out is impossible on this terrain.
     """
-    from planner.day_problem import RoverCosts, network_request_of, problem_of
+    from planner.day_problem import network_request_of, problem_of
     from planner.path_network import build_network
 
     tell = report or (lambda _share, _what: None)
@@ -73,9 +73,7 @@ def prepare_day(
     model = calibration or calibration_of(profile)
     network = build_network(network_request_of(day, poses, heights, rover_parameters(profile), model))
     tell(0.8, "planning problem")
-    tracking = profile.activity("trackstart")
-    costs = RoverCosts(profile.instruments, tracking.fixed_s, tracking.fixed_j)
-    found = problem_of(day, network, costs)
+    found = problem_of(day, network, rover_costs(profile, model))
     return PreparedDay(found.problem, network, found.observation_points, (*refused, *found.refused))
 
 
@@ -126,6 +124,28 @@ def rover_parameters(profile: RoverProfile) -> RoverParameters:
         track_overhead_s=profile.activity("track_overhead").fixed_s,
         mast_height_m=profile.mast.height_m,
     )
+
+
+def rover_costs(profile: RoverProfile, learned: Calibration) -> RoverCosts:
+    """Return what a rover spends beside its drives, and its odds there: as learned, else the profile's."""
+    from planner.day_problem import RoverCosts
+    from planner.path_network import TRACK_START
+
+    instruments = dict(profile.instruments)
+    for name, instrument in profile.instruments.items():
+        seen = learned.activity(name)
+        if seen is not None:
+            instruments[name] = replace(
+                instrument,
+                p_success=seen.p_success,
+                time_s=Amount(seen.time_mean_s, seen.time_sd_s),
+                energy_j=Amount(seen.energy_mean_j, seen.energy_sd_j),
+            )
+    begins = learned.activity(TRACK_START)
+    if begins is None:
+        tracking = profile.activity("trackstart")
+        return RoverCosts(instruments, tracking.fixed_s, tracking.fixed_j)
+    return RoverCosts(instruments, begins.time_mean_s, begins.energy_mean_j, 1.0 - begins.p_success)
 
 
 def calibration_of(profile: RoverProfile) -> Calibration:

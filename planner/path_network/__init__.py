@@ -30,6 +30,7 @@ of `track_overhead_s` per tracked target and leg, which the planner adds. Start 
 """
 
 from mission import KeepOut, Pose
+from planner.path_network.activity_fit import TRACK_START, ActivityFit, fit_activity
 from planner.path_network.build import build_network
 from planner.path_network.calibration import (
     K9_CALIBRATION,
@@ -61,6 +62,8 @@ __all__ = [
     "CALIBRATIONS",
     "K9_CALIBRATION",
     "START",
+    "TRACK_START",
+    "ActivityFit",
     "Calibration",
     "DriveRule",
     "KeepOut",
@@ -80,6 +83,7 @@ __all__ = [
     "UnreachablePoint",
     "build_network",
     "calibration_document",
+    "fit_activity",
     "fit_calibration",
     "fit_loss",
     "fit_mean",

@@ -146,7 +146,7 @@ def build_network(request: NetworkRequest) -> PathNetwork:
         hazards=tuple(ring for h in obstacles.hazards for ring in outlines(h)),
         margins=outlines(obstacles.blocked),
         shortest_m=shortest,
-        track_overhead_s=request.rover.track_overhead_s,
+        track_overhead_s=request.track_overhead_s,
         hotel_w=request.rover.hotel_w,
         notes=tuple(notes),
         target_of=target_of,

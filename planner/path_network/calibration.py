@@ -33,6 +33,7 @@ from annotated_types import Ge, MinLen
 
 from mission.values import NotNegative, value
 from planner.errors import ProblemError
+from planner.path_network.activity_fit import ActivityFit
 from planner.path_network.day_factor import NO_FACTOR, DayFactor, day_factors
 
 Text = Annotated[str, MinLen(1)]
@@ -41,13 +42,16 @@ Count = Annotated[int, Ge(0)]
 
 @value
 class Calibration:
-    """Parameters of the leg model above, and their source (`calibration/2`; without failures and factors of
-    days `calibration/1`).
+    """Parameters of the leg model above, and their source (`calibration/3`; without times of tracks and
+    activities `calibration/2`, without failures and factors of days `calibration/1`).
 
     `legs`, `tracks` (watched on a leg), `losses` and `failures` (drives that ended short of their goal) say
     on how much evidence the numbers rest; all 0 for numbers taken from literature. The `_se_per_m` are
     standard errors of the fitted rates; 0 for a rate that was not fitted. `day_time_sd` and `day_energy_sd`
     are 0 unless days differ for sure, `_se` their standard errors, `days` how many they rest on.
+    `track_s` is what a drive takes longer for each target that is tracked on it; None leaves the rover's
+    figure. `activities` holds what was learned of the others, by instrument; the rest are as the rover's
+    profile has them.
     """
 
     name: Text
@@ -77,6 +81,12 @@ class Calibration:
     day_energy_sd: NotNegative = 0.0
     day_energy_se: NotNegative = 0.0
     days: Count = 0
+    track_s: NotNegative | None = None
+    activities: tuple[ActivityFit, ...] = ()
+
+    def activity(self, name: str) -> ActivityFit | None:
+        """Return what was learned of a kind of activity, None where nothing was."""
+        return next((one for one in self.activities if one.name == name), None)
 
     def __post_init__(self) -> None:
         for name in ("name", "source"):
@@ -84,7 +94,7 @@ class Calibration:
                 raise ProblemError(f"calibration {name} is ''; it must be a text")
         for f in fields(self):
             found = getattr(self, f.name)
-            if not isinstance(found, str) and not 0.0 <= found < math.inf:
+            if isinstance(found, int | float) and not 0.0 <= found < math.inf:
                 raise ProblemError(
                     f"calibration {self.name}: {f.name} is {found!r}; it must be a finite number >= 0"
                 )
@@ -275,13 +285,16 @@ def fit_calibration(
     failures: int = 0,
     tried_m: float = 0.0,
     day: Sequence[Hashable] = (),
+    tracked: Sequence[float] | npt.NDArray[np.float64] | None = None,
+    track_overhead_s: float = 0.0,
+    activities: tuple[ActivityFit, ...] = (),
 ) -> Calibration:
     """Return a calibration fitted to driven legs; what the legs do not tell stays as in `prior`.
 
     Parameters
     ----------
     length_m, turn_rad, duration_s, energy_j
-        Shape [n], one number a leg; durations without tracking overhead, energies without hotel load.
+        Shape [n], one number a leg; energies without hotel load.
     exposure_m, lost
         Tracks watched, [k, 2 or 3] and [k], as for `fit_loss` with columns inside, outside and (optional)
         occluded.
@@ -290,19 +303,36 @@ def fit_calibration(
         rate that makes it most likely is their ratio.
     day
         The day of each leg, [n]; without them no factor of the day is looked for.
+    tracked, track_overhead_s
+        Targets tracked on each leg, [n], and what each was believed to add to its time. That is fitted where
+        the number differs; else the prior's figure is taken off, or this one. Without `tracked` durations are
+        those without tracking overhead.
+    activities
+        What was learned of other activities.
     """
     length = np.asarray(length_m, dtype=np.float64)
     turn = np.asarray(turn_rad, dtype=np.float64)
     duration = np.asarray(duration_s, dtype=np.float64)
     energy = np.asarray(energy_j, dtype=np.float64)
-    features = np.column_stack([np.ones_like(length), length / speed_m_s, turn / turn_rate_rad_s])
+    watched = np.zeros_like(length) if tracked is None else np.asarray(tracked, dtype=np.float64)
+    columns = [np.ones_like(length), length / speed_m_s, turn / turn_rate_rad_s]
+    # as many tracks on every drive cannot be told from its fixed time
+    told = bool(np.ptp(watched)) if len(watched) else False
+    if told:
+        columns.append(watched)
+    else:
+        known_s = track_overhead_s if prior.track_s is None else prior.track_s
+        duration = np.maximum(duration - known_s * watched, 1.0)
+    features = np.column_stack(columns)
     time_fit = fit_mean(features, duration)
     mean_s = features @ np.asarray(time_fit.coefficients)
-    energy_fit = fit_mean((drive_power_w * mean_s)[:, None], energy)
+    drive_s = np.maximum(features[:, :3] @ np.asarray(time_fit.coefficients[:3]), 1e-9)
+    time_cv = time_fit.cv * math.sqrt(float(np.mean(np.square(mean_s / drive_s))))  # of the drive alone
+    energy_fit = fit_mean((drive_power_w * drive_s)[:, None], energy)
     time_day = energy_day = NO_FACTOR
     if len(day):
         said_s = np.maximum(mean_s, 1e-9)
-        said_j = np.maximum(energy_fit.coefficients[0] * drive_power_w * said_s, 1e-9)
+        said_j = np.maximum(energy_fit.coefficients[0] * drive_power_w * drive_s, 1e-9)
         time_day, energy_day = day_factors(np.log(duration / said_s), np.log(energy / said_j), day)
     rates = [prior.inside_per_m, prior.outside_per_m, prior.occluded_per_m]
     errors = [0.0, 0.0, 0.0]
@@ -327,7 +357,7 @@ def fit_calibration(
         drive_factor=time_fit.coefficients[1],
         turn_factor=time_fit.coefficients[2],
         slope_gain=prior.slope_gain,
-        duration_cv=_within(time_day, time_fit.cv),
+        duration_cv=_within(time_day, time_cv),
         energy_factor=energy_fit.coefficients[0],
         energy_cv=_within(energy_day, energy_fit.cv),
         inside_per_m=rates[0],
@@ -348,6 +378,8 @@ def fit_calibration(
         day_energy_sd=energy_day.between_sd,
         day_energy_se=energy_day.error,
         days=max(time_day.days, energy_day.days),
+        track_s=time_fit.coefficients[3] if told else prior.track_s,
+        activities=activities,
     )
 
 

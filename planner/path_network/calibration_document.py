@@ -10,9 +10,12 @@ from planner.path_network.calibration import Calibration
 
 CALIBRATIONS = Codec(
     Calibration,
-    "calibration/2",
+    "calibration/3",
     "calibration",
-    upgrades={"calibration/1": ("calibration/2", lambda members: members)},
+    upgrades={
+        "calibration/1": ("calibration/2", lambda members: members),
+        "calibration/2": ("calibration/3", lambda members: members),
+    },
     error=ProblemError,
 )
 
@@ -20,13 +23,19 @@ CALIBRATIONS = Codec(
 FAILURES = ("fail_per_m", "fail_se_per_m", "failures")
 DAYS = ("day_time_sd", "day_time_se", "day_energy_sd", "day_energy_se", "days")
 """Members of which `calibration/1` knows nothing."""
+LEARNED = ("track_s", "activities")
+"""Members of which `calibration/2` knows nothing."""
 
 
 def calibration_document(calibration: Calibration) -> dict[str, Any]:
-    """Return a calibration as a document; where no drive failed and days are alike as `calibration/1`, which
-    older programs read. Members of days stand only where days differ.
+    """Return a calibration as a document, of the oldest version that says all of it: `calibration/2` where
+    nothing was learned of tracks' time and other activities, `calibration/1` where no drive failed either and
+    days are alike. Members of days stand only where days differ.
     """
     document = CALIBRATIONS.document(calibration)
+    if calibration.track_s is not None or calibration.activities:
+        return document
+    document = {**{k: v for k, v in document.items() if k not in LEARNED}, "format": "calibration/2"}
     if calibration.days:
         return document
     document = {k: v for k, v in document.items() if k not in DAYS}

@@ -211,6 +211,12 @@ class NetworkRequest:
     options: NetworkOptions = NetworkOptions()
     drive_rules: tuple[DriveRule, ...] = ()
 
+    @property
+    def track_overhead_s(self) -> float:
+        """Return what a drive takes longer for each tracked target, s: as learned, else the rover's."""
+        learned = self.calibration.track_s
+        return self.rover.track_overhead_s if learned is None else learned
+
 
 @dataclass(frozen=True, slots=True)
 class Route:

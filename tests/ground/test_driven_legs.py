@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 from typing import Any
@@ -112,3 +113,37 @@ def test_legs_drawn_from_a_calibration_give_it_back(tmp_path: Path) -> None:
 def test_too_few_legs_are_refused_with_their_number() -> None:
     with pytest.raises(InvalidInputError, match=r"3 legs of at least 0\.5 m"):
         calibrate(_drawn(3, calibration_of(K9)), K9, name="few", source="a test")
+
+
+def _told(folder: Path, states: dict[str, tuple[str, str, str]]) -> Path:
+    """Write a run of two drives of 3 m, to T1 and to T2; `states` are those of each target at the start and
+    at the end of both.
+    """
+    (folder / "products").mkdir(parents=True)
+    journal: list[dict[str, Any]] = []
+    for number, end_s in ((1, 1000.0), (2, 2000.0)):
+        command = ["r", f"navigate-T{number}", 1]
+        journal += [
+            {"k": "step", "t": 1000 * (end_s - 900.0), "events": []},
+            {"k": "send", "id": command, "action": "navigate", "parameters": {"target": f"T{number}"}},
+            {"k": "step", "t": 1000 * end_s, "events": [
+                {"e": "result", "t": 1000 * end_s, "command": command, "success": True, "values": {}}]},
+        ]  # fmt: skip
+    odometry = [{"t_s": t, "believed": [x, 0.0, 0.0, 0.0]} for t, x in ((0, 0), (1000, 3), (2000, 6))]
+    tracking = [
+        {"t_s": t, "target": name, "state": state, "position_m": [8.0, 3.0, 0.5]}
+        for name, told in states.items()
+        for t, state in zip((50.0, 999.0, 1999.0), told, strict=True)
+    ]
+    (folder / "journal.jsonl").write_text("\n".join(map(json.dumps, journal)))
+    (folder / "products" / "0001-odometry.json").write_text(json.dumps(odometry))
+    (folder / "products" / "0002-tracking.json").write_text(json.dumps(tracking))
+    return folder
+
+
+def test_a_track_that_comes_back_is_not_lost_but_where_the_drive_led_it_is(tmp_path: Path) -> None:
+    back = ("tracked", "lost", "tracked")
+    gone = ("tracked", "lost", "lost")
+    first, second = legs_of_run(_told(tmp_path / "run", {"T1": back, "T2": back, "T3": gone}))
+    assert {t.target: t.lost for t in first.tracks} == {"T1": True, "T2": False, "T3": True}
+    assert second.tracks == ()

@@ -9,11 +9,13 @@ from functools import cache
 import pytest
 import shapely
 
-from ground.day.prepare import PreparedDay, prepare_day, stand_for
+from ground.day.prepare import PreparedDay, calibration_of, prepare_day, stand_for
 from ground.demo.mission import demo_mission, target_at
 from ground.errors import InvalidInputError
 from ground.reports.figures import ribbons
 from mission import After, Day, KeepOut, Request, Sky, SunElevation, Target, Tracked, Window
+from planner.path_network import TRACK_START, ActivityFit
+from planner.problem import Kind
 from rover_iface.errors import PlacementError
 from rover_iface.profile import RoverProfile, load_profile
 from rover_iface.terrain import Terrain, generate_terrain
@@ -237,3 +239,28 @@ def test_murray_buttes_holds_a_day() -> None:
     prepared = prepare_day(terrain, _profile(), demo_mission(terrain, _profile(), seed=1))
     assert prepared.refused == ()
     assert len(prepared.problem.legs) == 100
+
+
+def test_what_runs_taught_of_activities_is_planned_with() -> None:
+    plain = _prepared().problem
+    learned = dataclasses.replace(
+        calibration_of(_profile()),
+        track_s=120.0,
+        activities=(
+            ActivityFit("mi", 0.6, 900.0, 300.0, 20_000.0, 4000.0, tried=40, succeeded=24, p_se=0.07),
+            ActivityFit(TRACK_START, 0.9, 33.0, 2.0, 400.0, 10.0, tried=40, succeeded=36, p_se=0.05),
+        ),
+    )
+    found = prepare_day(_terrain(), _profile(), _mission(), calibration=learned).problem
+    placed = [o for o in found.observations if o.kind is Kind.PLACE]
+    assert {(o.p_success, o.time_s.mean, o.energy_j.sd) for o in placed} == {(0.6, 900.0, 4000.0)}
+    others = [o for o in plain.observations if o.kind is Kind.IMAGE]
+    assert [o for o in found.observations if o.kind is Kind.IMAGE] == others
+    assert (found.track_start_time_s, found.track_start_energy_j) == (33.0, 400.0)
+    assert found.track_overhead_s_per_leg == 120.0
+    before = {(leg.origin, leg.to): leg.p_lose for leg in plain.legs}
+    for leg in found.legs:
+        for target, p in before[leg.origin, leg.to].items():
+            # a track that does not begin is lost on the way from the start, and on no other
+            kept = (1.0 - p) * (0.9 if leg.origin == "start" else 1.0)
+            assert leg.p_lose[target] == pytest.approx(1.0 - kept, abs=2e-6)

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from ground.day.prepare import calibration_of, network_heights, rover_parameters
 from ground.errors import ArchiveError, InvalidInputError
 from ground.gdr.packed import read_kept
+from ground.resources.calibrations.made_activities import MadeActivity, fitted
 
 if TYPE_CHECKING:
     from planner.path_network import Calibration
@@ -30,7 +31,10 @@ FEWEST_LEGS = 10
 @dataclass(frozen=True, slots=True)
 class WatchedTrack:
     """A target that was tracked when a leg began: its place and the place it was first seen from, metres
-    east, north and up; whether it was lost when the leg ended.
+    east, north and up.
+
+    `lost`: it was not tracked when the leg ended, nor, unless it was where the leg led, at the end of a later
+    one.
     """
 
     target: str
@@ -93,7 +97,10 @@ def legs_of_run(folder: Path) -> list[DrivenLeg]:
         raise ArchiveError(f"{folder.name} holds no odometry; only a rover on terrain records it")
     try:
         drives = list(_drives(journal))
-        return [_leg(folder.name, drive, odometry, history) for drive in drives]
+        ends_s = [drive[3] for drive in drives]
+        return [
+            _leg(folder.name, drive, odometry, history, ends_s[k + 1 :]) for k, drive in enumerate(drives)
+        ]
     except (KeyError, TypeError, IndexError, ValueError) as err:
         raise ArchiveError(f"{folder.name}: a record is malformed: {err!r}") from err
 
@@ -126,7 +133,9 @@ def _leg(
     drive: tuple[str, str, float, float, Mapping[str, Any]],
     odometry: Sequence[Mapping[str, Any]],
     history: Sequence[Mapping[str, Any]],
+    later_s: Sequence[float],
 ) -> DrivenLeg:
+    """Return a drive; `later_s` are the times at which the later ones of the run ended."""
     task, to, begin_s, end_s, result = drive
     tracks = []
     for target in sorted({row["target"] for row in history}):
@@ -137,6 +146,8 @@ def _leg(
         x, y, z = before[-1]["position_m"]
         seen = _pose_at(odometry, before[0]["t_s"])
         lost = rows[-1]["state"] != "tracked"
+        if lost and target != to:  # the planner knows no track that comes back
+            lost = not any(_tracked(history, target, t_s) for t_s in later_s)
         tracks.append(WatchedTrack(target, (x, y, z), (seen[0], seen[1]), lost))
     return DrivenLeg(
         run,
@@ -149,6 +160,12 @@ def _leg(
         tuple(tracks),
         to,
     )
+
+
+def _tracked(history: Sequence[Mapping[str, Any]], target: str, t_s: float) -> bool:
+    """Return whether the last answer about a target by a time was that it is tracked."""
+    states = [row["state"] for row in history if row["target"] == target and row["t_s"] <= t_s]
+    return bool(states) and states[-1] == "tracked"
 
 
 def _pose_at(odometry: Sequence[Mapping[str, Any]], t_s: float) -> tuple[float, float, float]:
@@ -170,6 +187,7 @@ def calibrate(
     name: str,
     source: str,
     prior: Calibration | None = None,
+    made: Sequence[MadeActivity] = (),
     report: Callable[[float], None] = lambda _share: None,
 ) -> Calibration:
     """Return the calibration that legs bear out; a run is a day.
@@ -181,6 +199,8 @@ def calibrate(
         as hidden.
     prior
         What the legs do not tell stays as here; the rover profile's numbers when absent.
+    made
+        What else the runs did.
     report
         Called before each leg with the share of them that is done.
 
@@ -212,14 +232,13 @@ def calibrate(
     arrived = np.array([leg.arrived for leg in driven])
     if arrived.sum() < FEWEST_LEGS:
         raise InvalidInputError(f"{arrived.sum()} legs arrived; {FEWEST_LEGS} are needed for times")
-    overhead = rover.track_overhead_s * watched
     return fit_calibration(
         name=name,
         source=source,
         prior=prior,
         length_m=np.array([leg.length_m for leg in driven])[arrived],
         turn_rad=np.array([leg.turn_rad for leg in driven])[arrived],
-        duration_s=np.maximum(np.array([leg.duration_s for leg in driven]) - overhead, 1.0)[arrived],
+        duration_s=np.array([leg.duration_s for leg in driven])[arrived],
         energy_j=np.array([max(leg.energy_j, 1.0) for leg in driven])[arrived],
         speed_m_s=rover.speed_m_s,
         turn_rate_rad_s=rover.turn_rate_rad_s,
@@ -229,6 +248,9 @@ def calibrate(
         failures=sum(leg.failed for leg in legs),
         tried_m=sum(leg.length_m for leg in legs),
         day=[leg.run for leg in driven if leg.arrived],
+        tracked=watched[arrived],
+        track_overhead_s=rover.track_overhead_s,
+        activities=fitted(made, profile),
     )
 
 

@@ -10,6 +10,7 @@ from ground.gdr.places import fetched, place_of
 from ground.gdr.terrain_folders import load_cached
 from ground.jobs.queue import WorkStoppedError
 from ground.resources.calibrations.driven_legs import DrivenLeg, calibrate, legs_of_run
+from ground.resources.calibrations.made_activities import MadeActivity, activities_of_run
 from ground.resources.calibrations.order import CalibrationOrder
 
 READING = 0.3
@@ -42,7 +43,9 @@ def learn(order: CalibrationOrder, report: Report, should_stop: Callable[[], boo
             raise WorkStoppedError
         report(share, what)
 
+    profile = load_profile(order.rover_profile)
     legs: list[DrivenLeg] = []
+    made: list[MadeActivity] = []
     used = 0
     for index, address in enumerate(order.folders):
         tell(READING * index / len(order.folders), f"legs of {place_of(address).name}")
@@ -54,8 +57,8 @@ def learn(order: CalibrationOrder, report: Report, should_stop: Callable[[], boo
                 raise InvalidInputError(err.message, pointer="/run_ids") from err
             continue
         legs += found
+        made += activities_of_run(folder, profile)
         used += bool(found)
-    profile = load_profile(order.rover_profile)
     tell(READING, "terrain")
     runs = f"{used} recorded run{'' if used == 1 else 's'}"
     fitted = calibrate(
@@ -64,6 +67,7 @@ def learn(order: CalibrationOrder, report: Report, should_stop: Callable[[], boo
         load_cached(fetched(order.terrain_dir)),
         name=order.name,
         source=f"{len(legs)} legs of {runs} of rover profile {profile.name} {profile.version}",
+        made=made,
         report=lambda share: tell(READING + (1.0 - READING) * share, "metres in and out of view"),
     )
     return calibration_document(fitted)
