@@ -141,6 +141,18 @@ def _told(folder: Path, states: dict[str, tuple[str, str, str]]) -> Path:
     return folder
 
 
+def test_a_target_that_was_placed_on_is_watched_no_longer(tmp_path: Path) -> None:
+    out = _told(tmp_path / "run", {"T1": ("tracked",) * 3, "T2": ("tracked",) * 3})
+    done = {"e": "result", "t": 1_050_000, "command": ["r", "observe-R1", 1], "success": True,
+            "values": {"made": True}, "updates": {"trackerstate T1": "idle"}}  # fmt: skip
+    lines = (out / "journal.jsonl").read_text().splitlines()
+    lines.insert(3, json.dumps({"k": "step", "t": 1_050_000, "events": [done]}))
+    (out / "journal.jsonl").write_text("\n".join(lines))
+    first, second = legs_of_run(out)
+    assert [t.target for t in first.tracks] == ["T1", "T2"]
+    assert [t.target for t in second.tracks] == ["T2"]
+
+
 def test_a_track_that_comes_back_is_not_lost_but_where_the_drive_led_it_is(tmp_path: Path) -> None:
     back = ("tracked", "lost", "tracked")
     gone = ("tracked", "lost", "lost")

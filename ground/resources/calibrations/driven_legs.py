@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -96,6 +96,7 @@ def legs_of_run(folder: Path) -> list[DrivenLeg]:
     if not odometry:
         raise ArchiveError(f"{folder.name} holds no odometry; only a rover on terrain records it")
     try:
+        history = sorted([*history, *_let_go(journal)], key=lambda row: float(row["t_s"]))
         drives = list(_drives(journal))
         ends_s = [drive[3] for drive in drives]
         return [
@@ -110,6 +111,18 @@ def _last_table(folder: Path, kind: str) -> list[dict[str, Any]]:
     found = sorted((folder / "products").glob(f"*-{kind}.json"))
     rows: list[dict[str, Any]] = json.loads(found[-1].read_text("utf-8")) if found else []
     return rows
+
+
+def _let_go(journal: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
+    """Yield when a target is followed no longer, as after its placement: the tracker's own history, which has
+    its answers, does not say so.
+    """
+    for record in journal:
+        for event in record.get("events", ()):
+            for key, state in {**event.get("values", {}), **event.get("updates", {})}.items():
+                name = str(key).removeprefix("trackerstate ")
+                if name != key and state == "idle":
+                    yield {"t_s": event["t"] / 1000.0, "target": name, "state": state}
 
 
 def _drives(journal: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, float, float, Mapping[str, Any]]]:
@@ -144,7 +157,8 @@ def _leg(
         if not before or before[-1]["state"] != "tracked":
             continue
         x, y, z = before[-1]["position_m"]
-        seen = _pose_at(odometry, before[0]["t_s"])
+        begun = next(row for row in before if row["state"] == "tracked")
+        seen = _pose_at(odometry, begun["t_s"])
         lost = rows[-1]["state"] != "tracked"
         if lost and target != to:  # the planner knows no track that comes back
             lost = not any(_tracked(history, target, t_s) for t_s in later_s)
