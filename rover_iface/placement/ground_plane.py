@@ -22,6 +22,10 @@ from rover_iface.streams import stream
 CELL_M = 0.05
 """Side of the cells that the points are thinned to, so that near ground does not outvote the far."""
 
+HALVED = 2
+"""How often the nearer half of the points is asked alone: a quarter of what the hazcams see is within 1.2 m
+of them, as far as the arm reaches."""
+
 
 @dataclass(frozen=True, slots=True)
 class GroundOptions:
@@ -106,12 +110,24 @@ def fit_ground_plane(
     """Return the plane that holds most of the points, or None when no plane holds `least_share` of them.
 
     RANSAC over the thinned points with a tolerance that grows with each point's own error, then least squares
-    on the points it holds until those stay the same.
+    on the points it holds until those stay the same. Where that finds none, what is farther may be a face
+    that holds more points than the ground: then the nearer half of them is asked, and once more its half.
     """
     options = options or GroundOptions()
     if len(cloud) < 3:
         return None
     part = cloud.subset(thinned(cloud))
+    for _ in range(HALVED):
+        plane = _plane_of(part, options, seed)
+        if plane is not None or part.eye is None:
+            return plane
+        away = np.linalg.norm(part.points - part.eye, axis=1)
+        part = part.subset(np.flatnonzero(away <= np.median(away)))
+    return _plane_of(part, options, seed)
+
+
+def _plane_of(part: SurfaceCloud, options: GroundOptions, seed: int) -> GroundPlane | None:
+    """Return the plane that holds most of a thinned cloud; None where none is level and holds enough."""
     points, up = part.points, np.asarray(part.up)
     if len(points) < 3:
         return None

@@ -79,6 +79,16 @@ def test_the_plane_is_that_of_tilted_ground() -> None:
     assert slope < 1.0
 
 
+def test_ground_before_a_steep_wall_is_the_ground() -> None:
+    """The wall held two thirds of the points, and all within reach was refused (day 734398559, T4)."""
+    x, y = (v.ravel() for v in np.meshgrid(np.arange(0.5, 2.7, 0.02), np.arange(-1.2, 1.2, 0.02)))
+    wall = np.stack((x, y, math.tan(math.radians(40.0)) * np.maximum(0.0, x - 1.0)), axis=1)
+    plane = fit_ground_plane(cloud_of_points(wall, sigma_m=0.002, eye=EYE))
+    assert plane is not None
+    assert plane.normal[2] > math.cos(math.radians(3.0))
+    assert fit_ground_plane(cloud_of_points(wall[x > 1.0], sigma_m=0.002, eye=EYE)) is None
+
+
 def test_points_without_order_give_the_same_rocks() -> None:
     cloud, _, organised = scene()
     keep = np.random.default_rng(1).permutation(len(cloud))[:15_000]
