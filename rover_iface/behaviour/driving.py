@@ -259,6 +259,8 @@ class Driving:
         first = navigator.map.updates == 0
         looks = self.sight.cost(around=first)
         navigator.look(self.sight.look(around=first), self.sight.eye, here)
+        if navigator.way is not None:
+            self.follower.came(navigator.way)
         view = self.sight.ahead()
         if view is not None:
             self._watch.see(view, here)

@@ -20,6 +20,7 @@ from rover_iface.behaviour.target import DesignatedTarget
 from rover_iface.cameras.model import Array
 from rover_iface.errors import CameraError, RenderError, TrackerError
 from rover_iface.localization.target_map import TargetMap
+from rover_iface.navigation.navigator import SeenWay
 from rover_iface.telemetry import TrackState
 from rover_iface.vision.tracker import Expects, StereoView, TakesBack, Tracker, TrackUpdate
 
@@ -196,6 +197,12 @@ class TargetFollower:
             self.map.forget(name)
             self.hardware.set(f"trackerstate {name}", TrackState.IDLE.value)
             self.hardware.set(f"trackerconfidence {name}", 0.0)
+
+    def came(self, way: SeenWay) -> None:
+        """Take a way that ended here, as looks at the ground from both its ends tell it."""
+        self.map.move(self.hardware.believed)
+        if self.map.before == way.began:
+            self.map.came(way.ended, way.covariance)
 
     def leave_refused(self, goal: str) -> None:
         """Follow those that were refused no longer, now that the rover goes elsewhere (`goal`)."""

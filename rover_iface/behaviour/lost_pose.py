@@ -26,7 +26,7 @@ from rover_iface.behaviour.mast_cameras import MastCameras, Sighting
 from rover_iface.cameras.model import Array
 from rover_iface.errors import CameraError, RenderError, TrackerError
 from rover_iface.frames import Pose, wrap_angle
-from rover_iface.localization.target_map import TargetMap
+from rover_iface.localization.target_map import CONTRADICTS, TargetMap
 from rover_iface.vision.reacquisition import KnownPair, Reacquired, ReacquisitionOptions, searched
 from rover_iface.vision.sift_motion import Motion, cross
 from rover_iface.vision.tracker import StereoView, TrackUpdate
@@ -43,9 +43,6 @@ NEAR_M = 1.5
 """How far it may have come from a pair that should be recognised: a step of 0.25 to 0.8 m, and a metre."""
 AGREED_M, AGREED_RAD = 0.1, math.radians(1.0)
 """How far apart poses of two pairs may be: three deviations of what a pair errs at 8 m."""
-CONTRADICTS = 18.47
-"""Squared distance, in deviations, from the map's pose, over which that is not believed: 99.9 % of chi square
-with four degrees of freedom."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,9 +26,14 @@ TURN_RAD = 0.003
 """Error of the heading after a way: that of the gyroscope in a turn of 90 degrees."""
 ALIKE = 2.0
 """Factor on the variance of a look: half of its error is that of the look before, as the template is."""
+CONTRADICTS = 18.47
+"""Squared distance, in deviations, of a place and heading from those of the map, over which one of both is
+wrong: 99.9 % of chi square with four degrees of freedom."""
 
-_PLACE = 6
-"""Numbers of the rover's place, its heading, and its slip along and across a way, in the state."""
+_PLACE, _WAY = 10, 6
+"""Numbers of the state that are the rover's: place, heading, slip along and across a way (`_WAY` in all), and
+place and heading before the last way.
+"""
 
 
 class TargetMap:
@@ -43,9 +48,10 @@ class TargetMap:
         self.pointing_rad = pointing_rad
         self.drift_rad_m = drift_rad_m
         self._at: Pose | None = None
+        self._before: Pose | None = None
         self._names: list[str] = []
         self._state = np.zeros(_PLACE)
-        self._covariance = np.diag([0.0, 0.0, 0.0, 0.0, SLOPE_SLIP**2, SLOPE_SLIDE**2])
+        self._covariance = np.diag([0.0] * 4 + [SLOPE_SLIP**2, SLOPE_SLIDE**2] + [0.0] * 4)
 
     def __contains__(self, target: str) -> bool:
         return target in self._names
@@ -63,7 +69,8 @@ class TargetMap:
         way = math.hypot(step[0], step[1])
         if way == 0.0 and turned == 0.0:
             return
-        heading, slip, slide = self._state[3:_PLACE]
+        self._before = before
+        heading, slip, slide = self._state[3:_WAY]
         aside = np.array([-step[1], step[0], 0.0])
         truly = (1.0 + slip) * step + slide * aside
         alike = math.exp(-way / ALIKE_M)
@@ -71,10 +78,13 @@ class TargetMap:
         change[:3, 3] = _turn_by(heading) @ truly
         change[:3, 4], change[:3, 5] = _turn(heading) @ step, _turn(heading) @ aside
         change[4, 4] = change[5, 5] = alike
+        change[_WAY:_PLACE] = 0.0
+        change[_WAY:_PLACE, :4] = np.eye(4)
+        self._state[_WAY:_PLACE] = self._state[:4]
         self._state[:3] += _turn(heading) @ truly
         self._state[3] += turned
-        self._state[4:_PLACE] *= alike
-        noise = np.zeros((_PLACE, _PLACE))
+        self._state[4:_WAY] *= alike
+        noise = np.zeros((_WAY, _WAY))
         along = _turn(math.atan2(step[1], step[0])) @ np.diag([SLIP * way, SLIDE * way, SLIDE * way])
         in_site = _turn(heading) @ along
         noise[:3, :3] = in_site @ in_site.T
@@ -82,7 +92,7 @@ class TargetMap:
         noise[4, 4] = (1.0 - alike**2) * SLOPE_SLIP**2
         noise[5, 5] = (1.0 - alike**2) * SLOPE_SLIDE**2
         self._covariance = change @ self._covariance @ change.T
-        self._covariance[:_PLACE, :_PLACE] += noise
+        self._covariance[:_WAY, :_WAY] += noise
 
     def see(self, target: str, position: Array, covariance: Array) -> None:
         """Take a look at a target: its place (3,), m, and the covariance (3, 3), m^2, relative to the eye.
@@ -103,12 +113,59 @@ class TargetMap:
         at = self._slot(target)
         apart = self._state[at] - self._state[:3]
         slope = self._slope(at, apart)
-        gap = seen - _turn(-heading) @ apart
+        self._learn(slope, seen - _turn(-heading) @ apart, noise)
+
+    def _learn(self, slope: Array, gap: Array, noise: Array) -> None:
+        """Take a measurement that is off by a gap (k,): its derivative (k, state), its covariance (k, k)."""
         total = slope @ self._covariance @ slope.T + noise
         gain = np.linalg.solve(total, slope @ self._covariance).T
         self._state = self._state + gain @ gap
         kept = np.eye(len(self._state)) - gain @ slope
         self._covariance = kept @ self._covariance @ kept.T + gain @ noise @ gain.T
+
+    @property
+    def before(self) -> Pose | None:
+        """Return where dead reckoning had the rover before the last way; None where there was none."""
+        return self._before
+
+    def came(self, where: Pose, covariance: Array) -> bool:
+        """Take what looks from both its ends tell of the last way (Roumeliotis and Burdick 2002).
+
+        Returns whether it was believed: looks that contradict the drive beyond chance may have been fitted to
+        other ground than that which they show.
+
+        Parameters
+        ----------
+        where
+            Where it ended, in the believed site frame as that was when it began.
+        covariance
+            (4, 4) of that place, m, and heading, rad, relative to where it began.
+
+        Raises
+        ------
+        RuntimeError
+            If the rover has not moved.
+        """
+        before = self._before
+        if before is None:
+            raise RuntimeError("the rover has not moved: there is no way to tell of")
+        back = np.eye(4)
+        back[:3, :3] = _turn(-before.heading)
+        step = _turn(-before.heading) @ (where.x - before.x, where.y - before.y, where.z - before.z)
+        heading = float(self._state[_WAY + 3])
+        into = _turn(-heading)
+        apart = self._state[:3] - self._state[_WAY : _WAY + 3]
+        slope = np.zeros((4, len(self._state)))
+        slope[:3, :3], slope[:3, _WAY : _WAY + 3] = into, -into
+        slope[:3, _WAY + 3] = -_turn_by(-heading) @ apart
+        slope[3, 3], slope[3, _WAY + 3] = 1.0, -1.0
+        turned = wrap_angle(where.heading - before.heading)
+        gap = np.append(step - into @ apart, wrap_angle(turned - float(self._state[3] - heading)))
+        noise = back @ covariance @ back.T
+        if float(gap @ np.linalg.solve(slope @ self._covariance @ slope.T + noise, gap)) > CONTRADICTS:
+            return False
+        self._learn(slope, gap, noise)
+        return True
 
     @property
     def rover(self) -> tuple[Array, Array]:
@@ -138,10 +195,14 @@ class TargetMap:
         self._state[3] += wrap_angle(where.heading - before.heading)
         self._covariance = change @ self._covariance @ change.T
         self._covariance[:4, :4] += into_map @ covariance @ into_map.T
-        self._at = believed
+        self._at, self._before = believed, None
 
     def lose(self, place_m: float, turn_rad: float) -> None:
-        """Take that the rover may stand elsewhere and be turned, by so much (one standard deviation each)."""
+        """Take that the rover may stand elsewhere and be turned, by so much (one standard deviation each).
+
+        What looks make of its last way is not believed either.
+        """
+        self._before = None
         self._covariance[:4, :4] += np.diag([place_m**2, place_m**2, 0.0, turn_rad**2])
 
     def place(self, target: str) -> tuple[Array, Array]:

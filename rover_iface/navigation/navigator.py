@@ -74,6 +74,25 @@ class Way:
     length_m: float
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class SeenWay:
+    """A way as the looks from both its ends tell it.
+
+    Attributes
+    ----------
+    began
+        Where dead reckoning had the rover at the first look.
+    ended
+        Where it stood at the second, in the believed frame as that was at the first.
+    covariance
+        (4, 4) of that place, m, and heading, rad, relative to where it began.
+    """
+
+    began: Pose
+    ended: Pose
+    covariance: NDArray[np.float64]
+
+
 @dataclass
 class Progress:
     """Tells when a drive is as near its goal as the ground allows.
@@ -111,6 +130,8 @@ class Navigator:
         Longest way between two looks; a tracker may ask for less.
     ignore
         Circle (x, y, radius) whose obstacles may be come near to: the tracked target's own rock.
+    way
+        What the rover came since the look before the last; None where the last did not fit the map.
     """
 
     profile: RoverProfile
@@ -120,6 +141,7 @@ class Navigator:
     ignore: tuple[float, float, float] = (0.0, 0.0, -1.0)
     correction: Correction = field(default_factory=Correction)
     sigma_m: float = 0.0
+    way: SeenWay | None = None
     _map_from_believed: Transform = field(default_factory=Transform.identity)
     _believed: Pose | None = None
     _stuck: int = 0
@@ -146,9 +168,11 @@ class Navigator:
         """
         p = self.parameters
         way = 0.0
-        if self._believed is not None:
-            way = math.hypot(believed.x - self._believed.x, believed.y - self._believed.y)
-        self._believed = believed
+        began, stood = self._believed, None
+        if began is not None:
+            way = math.hypot(believed.x - began.x, believed.y - began.y)
+            stood = self._map_from_believed * began.site_from_rover
+        self._believed, self.way = believed, None
         if self.map.updates:
             self.sigma_m = math.hypot(self.sigma_m, p.drift_floor_m + p.drift_share * way)
         seen_from = self._map_from_believed * believed.site_from_rover
@@ -162,6 +186,7 @@ class Navigator:
         self.correction = correction
         if correction.made:
             self.sigma_m = correction.sigma_m
+            alone = _moved(seen_from, correction.alone)
             shift = at + np.array([correction.east_m, correction.north_m, correction.rise_m])
             lean = Transform.from_rpy(
                 correction.tilt_north_rad, -correction.tilt_east_rad, correction.turn_rad
@@ -171,6 +196,11 @@ class Navigator:
             # Attitude comes from the inertial sensor anew at each stop: only its turn is carried on.
             turn = Transform.from_rpy(0.0, 0.0, correction.turn_rad)
             self._map_from_believed = Transform(np.eye(3), shift) * turn * back * self._map_from_believed
+            if began is not None and stood is not None:
+                # what its place on the map was off before is in the ground that the look was fitted to
+                ended = Pose.from_transform(began.site_from_rover * stood.inverse() * alone)
+                back = Transform.from_rpy(0.0, 0.0, began.heading - Pose.from_transform(stood).heading)
+                self.way = SeenWay(began, ended, _turned(correction.alone_covariance, back))
         return self.map.update([seen_from.apply(c) for c in clouds], seen_from.apply(eye))
 
     def where(self, believed: Pose) -> Pose:
@@ -342,6 +372,19 @@ class Navigator:
             (field_[r, c] * (1 - u) + field_[r, c + 1] * u) * (1 - v)
             + (field_[r + 1, c] * (1 - u) + field_[r + 1, c + 1] * u) * v
         )
+
+
+def _moved(seen_from: Transform, shift: Array) -> Transform:
+    """Return a stand on the map moved by east, north and rise, m, and turned about its place (4,)."""
+    place = Transform(np.eye(3), seen_from.translation + shift[:3])
+    return place * Transform.from_rpy(0.0, 0.0, float(shift[3])) * Transform(seen_from.rotation, np.zeros(3))
+
+
+def _turned(covariance: Array, by: Transform) -> NDArray[np.float64]:
+    """Return the covariance (4, 4) of a place and a heading in axes that are turned about the vertical."""
+    turn = np.eye(4)
+    turn[:3, :3] = by.rotation
+    return np.asarray(turn @ covariance @ turn.T, dtype=np.float64)
 
 
 def end_of(pose: Pose, turn: float, curvature: float, length: float) -> tuple[float, float, float]:

@@ -9,7 +9,7 @@ reckoning says is kept as a prior: flat ground, which tells nothing about the sh
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numba import njit
@@ -53,12 +53,14 @@ class RegistrationParameters:
             )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Correction:
     """By how much a look was moved about the rover to fit the map; nothing if too little of it overlaps.
 
     `east_m`, `north_m`, `turn_rad`, `rise_m` are added to the pose. `sigma_m` is the larger standard
     deviation of the place, `cells` how many cells both knew, `residual_m` the median misfit that is left.
+    `alone` [4] is what the heights make of east, north, rise and turn without what dead reckoning says of
+    them, `alone_covariance` [4, 4] what that errs: a metre and a radian where the ground tells nothing.
     """
 
     east_m: float = 0.0
@@ -70,6 +72,8 @@ class Correction:
     sigma_m: float = math.inf
     cells: int = 0
     residual_m: float = math.nan
+    alone: Array = field(default_factory=lambda: np.zeros(4))
+    alone_covariance: Array = field(default_factory=lambda: np.eye(4))
 
     @property
     def made(self) -> bool:
@@ -149,7 +153,13 @@ def register(
     covariance = np.linalg.inv(matrix)
     spread = math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1]))
     east, north, turn, rise, tilt_east, tilt_north = (float(v) for v in guess)
-    return Correction(east, north, turn, rise, tilt_east, tilt_north, spread, cells, residual)
+    of_heights = matrix - np.diag(prior * (1, 1, 1, 1, 0, 0)) + np.eye(6)
+    order = [0, 1, 3, 2]
+    alone = np.linalg.solve(of_heights, matrix @ guess)[order]
+    alone_covariance = np.linalg.inv(of_heights)[np.ix_(order, order)]
+    return Correction(
+        east, north, turn, rise, tilt_east, tilt_north, spread, cells, residual, alone, alone_covariance
+    )
 
 
 @njit(cache=True, nogil=True)

@@ -146,3 +146,26 @@ def test_a_rover_that_recognises_nothing_says_so_and_claims_nothing(
     placed = do(rover, "ipplaceinstrument", target="T1")
     assert placed.values.get("made") is not True
     assert "T1" not in rover.truth.touched
+
+
+def test_a_target_that_nothing_shows_stays_where_the_ground_has_it(
+    world: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A quarter of each way was slipped over the last metres to a target, and no other was in sight: it was
+    117 cm off on arrival (72607405).
+    """
+    rover = make_rover(world, seed=4)
+    assert do(rover, "trackstart", target="T1").success
+    follower = rover.repertoire.follower
+    monkeypatch.setattr(follower, "_follow", lambda followed: None)
+    rover.body.chassis.extra_slip = 0.25
+    x, y = rover.body.targets["T1"].point[:2]
+    do(rover, "navigate", x=0.7 * x, y=0.7 * y, mode="track")
+    assert rover.hardware.travelled_m > 1.5
+    follower.map.move(rover.hardware.believed)
+    true = rover.body.true_from_believed.inverse().apply(rover.truth._points["T1"])
+    place, covariance = follower.map.place("T1")
+    off_m = float(np.linalg.norm(place - true))
+    assert off_m < 0.2
+    gap = place - true
+    assert float(gap @ np.linalg.solve(covariance, gap)) < 16.27

@@ -220,6 +220,51 @@ def test_a_look_is_laid_onto_the_map_to_two_centimetres() -> None:
     assert navigator.on_map(float(aside[0]), float(aside[1])) == pytest.approx(tuple(expected[:2]), abs=0.03)
 
 
+def test_looks_tell_a_way_apart_from_what_the_wheels_say() -> None:
+    """The wheels claim a third more than each way, and the gyroscope is off by a tenth of a degree."""
+    ground = GroundRaster.of(bumpy(lambda x, y: 0.08 * np.sin(2.1 * x + y) * np.cos(1.7 * y)), 9.0)
+    sensor = StereoSensor(K9)
+    off, squared = list[float](), list[float]()
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        navigator = Navigator.fresh(K9, (-4.0, 0.0), (4.0, 0.0))
+        true = settled_pose(ground, K9, -2.0, 0.0, 0.4)
+        believed = replace(true, x=5.0, y=2.0, heading=1.3)
+        navigator.look(sensor.look(ground, true, rng, around=True), sensor.eye, believed)
+        for k in range(3):
+            began, stood = believed, true
+            true = settled_pose(ground, K9, true.x + 0.6, true.y + 0.1 * k, true.heading + 0.1)
+            came = stood.site_from_rover.inverse() * true.site_from_rover
+            there = Pose.from_transform(began.site_from_rover * came)
+            wheels = began.site_from_rover.apply(came.translation * (4.0 / 3.0, 1.0, 1.0))
+            believed = replace(
+                true, x=float(wheels[0]), y=float(wheels[1]), heading=there.heading + math.radians(0.1)
+            )
+            navigator.look(sensor.look(ground, true, rng), sensor.eye, believed)
+            way = navigator.way
+            assert way is not None
+            assert way.began == began
+            gap = np.array([getattr(way.ended, a) - getattr(there, a) for a in ("x", "y", "z", "heading")])
+            off.append(math.hypot(gap[0], gap[1]))
+            squared.append(float(gap @ np.linalg.solve(way.covariance, gap)))
+    assert np.median(off) < 0.015
+    assert max(off) < 0.04
+    assert np.mean(np.array(squared) < 9.49) > 0.9  # 95 % of chi square with four degrees of freedom
+
+
+def test_looks_at_flat_ground_tell_no_way() -> None:
+    """What the wheels say must not come back as something seen."""
+    ground = GroundRaster.of(plane(), 9.0)
+    sensor, rng = StereoSensor(K9), np.random.default_rng(4)
+    navigator = Navigator.fresh(K9, (0.0, 0.0), (4.0, 0.0))
+    for x in (0.0, 0.75):
+        navigator.look(sensor.look(ground, Pose(x, 0.0), rng, around=x == 0), sensor.eye, Pose(x, 0.0))
+    assert navigator.way is not None
+    sigma_m = np.sqrt(np.linalg.eigvalsh(navigator.way.covariance[:2, :2]))
+    assert sigma_m[0] > 0.1
+    assert np.sqrt(navigator.way.covariance[2, 2]) < 0.02
+
+
 def test_flat_ground_leaves_the_pose_to_dead_reckoning_and_its_doubt_grows() -> None:
     ground = GroundRaster.of(plane(), 9.0)
     sensor, rng = StereoSensor(K9), np.random.default_rng(4)
