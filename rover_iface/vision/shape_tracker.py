@@ -126,6 +126,10 @@ class CombinedTracker:
         del self._models[target], self._latest[target]
         self._firsts.pop(target, None)
 
+    def remembers(self, target: str) -> bool:
+        """Return whether a first narrow picture of a target is kept."""
+        return target in self._firsts
+
     def recall(self, target: str, view: StereoView) -> TrackUpdate | None:
         """Return the target as its first narrow picture has it in this view, None where that tells nothing.
 

@@ -257,7 +257,8 @@ class SiftTracker:
             self.watch.see(2.0 * track.anchor.scores["look_sigma"] ** 2, 2)
         confidence = self._confidence(track, view, chain.motion)
         if self.shipped and confidence < 0.5:
-            track.misses += 1
+            # one that the features carry is known poorly, but not missed
+            track.misses += self._count(chain.motion.inliers) < 0.5
             track.state = TrackState.FAILED if track.misses > self.options.lost_updates else TrackState.LOST
             why = (f"confidence {confidence:.2f} is below 0.50: {self._weakest(track, view, chain.motion)}",)
             track.answer = self._answer(target, view, track.covariance, chain.motion.inliers, why, confidence)

@@ -10,8 +10,9 @@ import numpy.typing as npt
 from rover_iface.cameras.model import Array
 from rover_iface.errors import CameraError, RenderError, TrackerError
 from rover_iface.vision.narrow.designation import off_the_edge
+from rover_iface.vision.narrow.recall import coasting
 from rover_iface.vision.narrow_range import NarrowSight, PairFor
-from rover_iface.vision.shape_tracker import CombinedTracker
+from rover_iface.vision.shape_tracker import RECALL_M, CombinedTracker
 from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
 
 ARRIVED_M = 2.2
@@ -75,7 +76,7 @@ class ArrivalTracker:
             return recalled
         away = float(np.linalg.norm(update.position - view.left_camera.C))
         if away > self.arrived_m:
-            return update
+            return self._hoped(update, away) if self.tracker.remembers(target) else update
         found, registration = self.tracker.settle(target, view, nearest_m=0.6)
         if found.state is TrackState.LOST and update.state is TrackState.TRACKED:
             # two ways of looking contradict each other: the features, with their own test, are not given up
@@ -83,6 +84,15 @@ class ArrivalTracker:
         if registration is not None:
             self.settled[target] = found
         return found
+
+    def _hoped(self, update: TrackUpdate, away_m: float) -> TrackUpdate:
+        """Return an answer about a target that its first picture may find from near, if it is lost far away.
+
+        It coasts (`coasting`), and from where the picture is asked it is not given up before it has arrived.
+        """
+        if away_m > RECALL_M:
+            return coasting(update)
+        return replace(update, state=TrackState.LOST) if update.state is TrackState.FAILED else update
 
     def predicted(self, target: str) -> Array:
         """See `Tracker`."""

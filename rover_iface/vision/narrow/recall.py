@@ -211,7 +211,7 @@ class NarrowRecall:
         if memory.refused >= REFUSED:
             return replace(update, state=TrackState.FAILED)
         if away > RECALL_M and not memory.refused and memory.expected is not None:
-            update = _coasting(update)
+            update = coasting(update)
         if memory.asked is not None and not memory.confirmed:
             update = replace(update, covariance=update.covariance + UNCONFIRMED_M**2 * np.eye(3))
         return update if memory.against is None else _doubted(update, memory.against)
@@ -395,7 +395,7 @@ def _elsewhere(answer: Answer, eye: Array, update: TrackUpdate, memory: _Memory)
     return float(np.linalg.norm(answer.position - update.position)) > LOST_M and not _recognised(answer)
 
 
-def _coasting(update: TrackUpdate) -> TrackUpdate:
+def coasting(update: TrackUpdate) -> TrackUpdate:
     """Return an answer about a far target: tracked, if it is lost but likely to be found again from near.
 
     Its confidence is the chance that it is believed near enough for that (`LOST_M`, in two dimensions). With
