@@ -1,7 +1,8 @@
 """Days of fresh seeds on the `full` rover, targets by the plain rule, each judged by the truth.
 
 A day is kept in its own folder, so that a study that was stopped goes on. What a day raises is caught here
-and nowhere else, and told as an exception.
+and nowhere else, and told as an exception; so is what an action raised, which the rover tells as an internal
+error and goes on.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from pathlib import Path
 from traceback import format_exception
 from typing import Any
 
+from rover_iface.simulator.engine import INTERNAL_ERROR
 from studies.common.day_fates import failures, not_begun
 from studies.common.day_grounds import GENERATED, curiosity_names, ground_of
 from studies.common.judged_fates import MEASURED_M, Judged, judged_fates
@@ -75,14 +77,15 @@ def _raised(ground: str, seed: int, err: BaseException) -> Row:
 
 def _flown(ground: str, seed: int, out: Path) -> Row:
     day = fly_plain_day("full", seed, out, lambda: ground_of(ground, seed))
-    judged = judged_fates(day, out)
+    judged, failed = judged_fates(day, out), failures(out)
     return {
         **row_of(ground, seed, judged),
         "stages": day.spent,
         "hours": (day.flight.outcome.end_s or 0.0) / 3600,
         "driven_m": day.driven_m,
         "outcome": day.flight.outcome.outcome,
-        "failures": failures(out) + not_begun(out, day.rover.truth.history),
+        "internal_errors": sum(INTERNAL_ERROR in why for why in failed),
+        "failures": failed + not_begun(out, day.rover.truth.history),
     }
 
 
@@ -94,6 +97,7 @@ def row_of(ground: str, seed: int, judged: Sequence[Judged]) -> Row:
         "ground": ground,
         "seed": seed,
         "exception": "",
+        "internal_errors": 0,
         "asked": len(judged),
         "approached": len(approached),
         **{name: ends[name] for name in ENDS},
@@ -130,16 +134,16 @@ def report(rows: Sequence[Row]) -> str:
 def line(rows: Sequence[Row]) -> str:
     """Return what the days come to, beside what is asked for."""
     flown = [row for row in rows if not row["exception"]]
-    total = {name: sum(row[name] for row in flown) for name in (*COUNTS, "untold")}
+    total = {name: sum(row[name] for row in flown) for name in (*COUNTS, "untold", "internal_errors")}
+    raised = len(rows) - len(flown) + total["internal_errors"]
     near = total["approached"]
     if not near:
-        return f"{len(rows)} days, {len(rows) - len(flown)} exceptions; no target was approached."
+        return f"{len(rows)} days, {raised} exceptions; no target was approached."
     answered = total["measured"] + total["refused_rightly"]
     used_s = sorted(processor_s(row["stages"]) for row in flown)
     return " ".join(
         (
-            f"{len(rows)} days, {len(rows) - len(flown)} exceptions,",
-            f"{total['untold']} failures without a reason.",
+            f"{len(rows)} days, {raised} exceptions, {total['untold']} failures without a reason.",
             f"Of {total['asked']} targets {near} were approached.",
             f"Measured within {100 * MEASURED_M:.0f} cm: {total['measured']}",
             f"({100 * total['measured'] / near:.0f} %; {100 * MEASURED:.0f} asked).",

@@ -62,11 +62,11 @@ def test_a_target_that_was_approached_comes_to_one_end() -> None:
 def test_the_line_of_the_issue_counts_days_exceptions_and_shares() -> None:
     rows = [
         day(came(PLACED, 0.004), came(REFUSED, 0.02, UNSAFE), used_s=250.0),
-        day(came(PLACED, 0.002), came("lost on arrival", 0.3, SAFE, why=""), seed=2),
+        day(came(PLACED, 0.002), came("lost on arrival", 0.3, SAFE, why=""), seed=2) | {"internal_errors": 2},
         RAISED,
     ]
     text = line(rows)
-    assert "3 days, 1 exceptions, 1 failures without a reason." in text
+    assert "3 days, 3 exceptions, 1 failures without a reason." in text
     assert "Of 4 targets 4 were approached. Measured within 1 cm: 2 (50 %; 50 asked)." in text
     assert "both together 75 % (85 asked)" in text
     assert "250 at most (360 asked)" in text
