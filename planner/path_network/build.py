@@ -57,7 +57,7 @@ def build_network(request: NetworkRequest) -> PathNetwork:
     number = {name: i for i, name in enumerate(standing)}
     spots = np.array([(places[s].east_m, places[s].north_m) for s in standing])
 
-    graph = build_visibility_graph(spots, obstacles, map_bounds(request), 2 * request.options.maximum_corners)
+    graph = build_visibility_graph(spots, obstacles, map_bounds(request), request.options.all_pairs)
     stops = np.arange(len(standing), dtype=np.int64)
     # A hair for each segment makes the way with the fewest bends win among equals.
     shortest_ways = ShortestRoutes(graph.owner, graph.edges, graph.length_m + 1e-9, stops)
@@ -113,6 +113,8 @@ def build_network(request: NetworkRequest) -> PathNetwork:
                 )
                 continue
             costs, loss, path = route
+            if own is not None:
+                loss[own] = 1.0 - (1.0 - loss[own]) * math.exp(-request.calibration.arrival_rate)
             shortest[origin, destination] = float(graph_length(distance[a, b]))
             routes.append(
                 Route(

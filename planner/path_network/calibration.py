@@ -7,7 +7,8 @@ A leg of length L (m), total turn R (rad), mean uphill slope tangent U and rise 
               sd   = duration_cv * mean
     energy    mean = energy_factor * drive_power * mean duration + mass * gravity * C / efficiency
               sd   = energy_cv * mean
-    loss      p    = 1 - exp(-(inside_per_m * x_in + outside_per_m * x_out + occluded_per_m * x_occ))
+    loss      p    = 1 - exp(-(inside_per_m * x_in + outside_per_m * x_out + occluded_per_m * x_occ
+                               + arrival_rate * own)), own = 1 for the target that the leg leads to, else 0
     failure   p    = 1 - exp(-fail_per_m * L)
 
     day       all durations of a day x exp(N(0, day_time_sd)), all drive energies x exp(N(0, day_energy_sd)),
@@ -50,8 +51,9 @@ class Calibration:
     standard errors of the fitted rates; 0 for a rate that was not fitted. `day_time_sd` and `day_energy_sd`
     are 0 unless days differ for sure, `_se` their standard errors, `days` how many they rest on.
     `track_s` is what a drive takes longer for each target that is tracked on it; None leaves the rover's
-    figure. `activities` holds what was learned of the others, by instrument; the rest are as the rover's
-    profile has them.
+    figure. `arrival_rate` is of tracks lost by coming near: the target fills the view, and shows sides that
+    were not seen before. `activities` holds what was learned of the others, by instrument; the rest are as
+    the rover's profile has them.
     """
 
     name: Text
@@ -82,6 +84,8 @@ class Calibration:
     day_energy_se: NotNegative = 0.0
     days: Count = 0
     track_s: NotNegative | None = None
+    arrival_rate: NotNegative = 0.0
+    arrival_se: NotNegative = 0.0
     activities: tuple[ActivityFit, ...] = ()
 
     def activity(self, name: str) -> ActivityFit | None:
@@ -136,6 +140,8 @@ class LossFit:
     log_likelihood: float
 
 
+ARRIVAL_BELIEVED = 1.0 / 26.0
+"""Tracks lost on an approach, before runs tell: one of 26 under normal driving (Kim et al. 2009, II)."""
 PRIOR_SPREAD = math.log(4.0)
 """What a rate may be off the one before it, standard deviation of its logarithm: a factor of four."""
 
@@ -282,6 +288,7 @@ def fit_calibration(
     drive_power_w: float,
     exposure_m: npt.ArrayLike | None = None,
     lost: npt.ArrayLike | None = None,
+    own: npt.ArrayLike | None = None,
     failures: int = 0,
     tried_m: float = 0.0,
     day: Sequence[Hashable] = (),
@@ -298,6 +305,9 @@ def fit_calibration(
     exposure_m, lost
         Tracks watched, [k, 2 or 3] and [k], as for `fit_loss` with columns inside, outside and (optional)
         occluded.
+    own
+        Whether each of those tracks was of the target that its leg led to, [k]; without it nothing is learned
+        of arrivals.
     failures, tried_m
         Drives that failed, and metres driven by all, those too: a failure is as likely on each metre, so the
         rate that makes it most likely is their ratio.
@@ -334,12 +344,16 @@ def fit_calibration(
         said_s = np.maximum(mean_s, 1e-9)
         said_j = np.maximum(energy_fit.coefficients[0] * drive_power_w * drive_s, 1e-9)
         time_day, energy_day = day_factors(np.log(duration / said_s), np.log(energy / said_j), day)
-    rates = [prior.inside_per_m, prior.outside_per_m, prior.occluded_per_m]
-    errors = [0.0, 0.0, 0.0]
+    rates = [prior.inside_per_m, prior.outside_per_m, prior.occluded_per_m, prior.arrival_rate]
+    errors = [0.0, 0.0, 0.0, prior.arrival_se]
     tracks = losses = 0
     if exposure_m is not None and lost is not None:
-        x = np.asarray(exposure_m, dtype=np.float64)
-        loss = fit_loss(x, lost, np.maximum(rates, 1e-4)[: x.shape[1]])
+        x = np.zeros((len(np.asarray(lost)), 4))
+        x[:, : np.shape(exposure_m)[1]] = exposure_m
+        if own is not None:
+            x[:, 3] = own
+        believed = [*rates[:3], rates[3] or ARRIVAL_BELIEVED]
+        loss = fit_loss(x, lost, np.maximum(believed, 1e-4))
         metres = x.sum(axis=0)
         for k in np.flatnonzero(metres > 0):
             rates[k] = loss.rate_per_m[k]
@@ -378,6 +392,8 @@ def fit_calibration(
         day_energy_sd=energy_day.between_sd,
         day_energy_se=energy_day.error,
         days=max(time_day.days, energy_day.days),
+        arrival_rate=rates[3],
+        arrival_se=errors[3],
         track_s=time_fit.coefficients[3] if told else prior.track_s,
         activities=activities,
     )

@@ -23,7 +23,7 @@ CALIBRATIONS = Codec(
 FAILURES = ("fail_per_m", "fail_se_per_m", "failures")
 DAYS = ("day_time_sd", "day_time_se", "day_energy_sd", "day_energy_se", "days")
 """Members of which `calibration/1` knows nothing."""
-LEARNED = ("track_s", "activities")
+LEARNED = ("track_s", "arrival_rate", "arrival_se", "activities")
 """Members of which `calibration/2` knows nothing."""
 
 
@@ -33,7 +33,7 @@ def calibration_document(calibration: Calibration) -> dict[str, Any]:
     days are alike. Members of days stand only where days differ.
     """
     document = CALIBRATIONS.document(calibration)
-    if calibration.track_s is not None or calibration.activities:
+    if any(document[name] for name in LEARNED):
         return document
     document = {**{k: v for k, v in document.items() if k not in LEARNED}, "format": "calibration/2"}
     if calibration.days:

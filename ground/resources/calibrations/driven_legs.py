@@ -233,7 +233,7 @@ def calibrate(
             f"{len(driven)} legs of at least 0.5 m were driven in the runs; {FEWEST_LEGS} are needed"
         )
     prior = prior or calibration_of(profile)
-    exposures, lost = [], []
+    exposures, lost, own = [], [], []
     for index, leg in enumerate(driven):
         report(index / len(driven))
         terrain = terrains.get(leg.run) if isinstance(terrains, Mapping) else terrains
@@ -241,6 +241,7 @@ def calibrate(
             if sum(metres) > 0:
                 exposures.append(metres)
                 lost.append(track.lost)
+                own.append(track.target == leg.to)
     rover = rover_parameters(profile)
     watched = np.array([len(leg.tracks) for leg in driven], dtype=float)
     arrived = np.array([leg.arrived for leg in driven])
@@ -259,6 +260,7 @@ def calibrate(
         drive_power_w=rover.drive_power_w,
         exposure_m=exposures or None,
         lost=lost or None,
+        own=own if any(own) else None,
         failures=sum(leg.failed for leg in legs),
         tried_m=sum(leg.length_m for leg in legs),
         day=[leg.run for leg in driven if leg.arrived],

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -12,6 +15,11 @@ from planner.path_network import (
     K9_CALIBRATION,
     ActivityFit,
     Calibration,
+    NetworkRequest,
+    ObservationPoint,
+    Pose,
+    Target,
+    build_network,
     calibration_document,
     fit_activity,
     fit_calibration,
@@ -80,6 +88,44 @@ def test_as_many_tracks_on_every_drive_leave_the_figure_that_was_believed() -> N
     found = _fitted([3.0] * 60, 45.0)
     assert found.track_s is None
     assert (found.fixed_s, found.drive_factor) == pytest.approx((300, 5), rel=1e-6)
+
+
+def test_losses_on_arrival_are_told_from_those_by_the_metre() -> None:
+    rng = np.random.default_rng(9)
+    metres, own = rng.uniform(1, 8, 8000), rng.random(8000) < 0.4
+    lost = rng.random(8000) < -np.expm1(-(0.01 * metres + 0.15 * own))
+    given: dict[str, Any] = {
+        "name": "run", "source": "drawn", "prior": K9_CALIBRATION, "length_m": metres,
+        "turn_rad": np.zeros(8000), "duration_s": 100 * metres, "energy_j": 100 * metres,
+        "speed_m_s": 0.05, "turn_rate_rad_s": 0.1, "drive_power_w": 70.0, "lost": lost,
+        "exposure_m": np.column_stack([metres, np.zeros(8000)]),
+    }  # fmt: skip
+    found = fit_calibration(**given, own=own)
+    assert abs(found.arrival_rate - 0.15) < 3 * found.arrival_se < 0.05
+    assert abs(found.inside_per_m - 0.01) < 3 * found.inside_se_per_m < 0.004
+    blind = fit_calibration(**given)
+    assert blind.arrival_rate == 0.0
+    assert blind.inside_per_m > 0.02
+
+
+def test_an_arrival_adds_to_the_odds_of_its_own_target_alone() -> None:
+    request = NetworkRequest(
+        start=Pose(0.0, 0.0, 0.0),
+        targets=(Target("T1", 6.0, 1.0), Target("T2", 8.0, -2.0)),
+        observation_points=(
+            ObservationPoint("P1", "T1", Pose(5.2, 0.9, 0.0)),
+            ObservationPoint("P2", "T2", Pose(7.3, -1.7, 0.0)),
+        ),
+    )
+    arriving = replace(request, calibration=replace(request.calibration, arrival_rate=0.3))
+    before, after = build_network(request), build_network(arriving)
+    for route in before.routes:
+        other = after.route(route.origin, route.destination)
+        assert other is not None
+        for target, p in route.p_lose.items():
+            own = target == after.target_of.get(route.destination)
+            kept = (1.0 - p) * (np.exp(-0.3) if own else 1.0)
+            assert other.p_lose[target] == pytest.approx(1.0 - kept)
 
 
 def test_a_document_is_of_the_oldest_version_that_says_all_of_it() -> None:
