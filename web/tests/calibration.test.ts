@@ -27,6 +27,16 @@ describe("the odds that a mission has learned", () => {
     expect([learned?.days, learned?.between]).toEqual([0, []]);
   });
 
+  it("say how often each activity succeeded, and pass over what is none", () => {
+    const mi = { name: "mi", tried: 30, succeeded: 21, p_success: 0.729, p_se: 0.074 };
+    const learned = calibrationOf({ arrival_rate: 0.11, arrival_se: 0.05, activities: [mi, null, { tried: 2 }] });
+    expect(learned && rate(learned.arrival)).toBe("0.110 ± 0.050");
+    expect(learned?.activities.map((row) => [row.name, row.succeeded, row.tried, rate(row.chance)])).toEqual([
+      ["mi", 21, 30, "0.729 ± 0.074"],
+    ]);
+    expect(calibrationOf({ legs: 3 })?.activities).toEqual([]);
+  });
+
   it("say how far days are apart where they differ", () => {
     const learned = calibrationOf({ days: 7, day_time_sd: 0.28, day_time_se: 0.08, day_energy_sd: 0 });
     expect(learned?.days).toBe(7);
