@@ -28,14 +28,14 @@ from rover_iface.errors import CameraError, PlacementError, RenderError, RoverEr
 from rover_iface.frames import Pose
 from rover_iface.placement.arm import Arm, ArmRefusal
 from rover_iface.placement.arm_motion import Motion, Obstacles, plan_motion
-from rover_iface.placement.base_adjustment import base_move
+from rover_iface.placement.base_adjustment import base_move, view_move
 from rover_iface.placement.base_placement import REACH_SHARE
 from rover_iface.placement.cloud import SurfaceCloud
 from rover_iface.placement.cloud_alignment import Alignment
 from rover_iface.placement.safety import plan_placement
 from rover_iface.placement.safety_limits import SafetyLimits
 from rover_iface.placement.segmentation import SegmentationOptions, segment
-from rover_iface.placement.verdict import BaseMove
+from rover_iface.placement.verdict import BaseMove, Reason
 
 NEAR_M = 0.015
 """How far from the designated point a safe one may be taken; with hand-off and arm that keeps 2 cm."""
@@ -90,26 +90,60 @@ class ArmPlacing(Placing):
         """Return what comes of a placement, the rover moved where the safety check asks for it: to where the
         arm reaches, and to see the designated point from another side.
 
+        So it is where the hand-off is refused: patches that are dark, cut off or seen at a slant here may not
+        be from there.
+
         Raises
         ------
         TrackerError, RenderError, CameraError, PlacementError
-            See `_attempt` and `BaseMoves.to`.
+            See `_attempt` and `BaseMoves.to`; the first refusal of the hand-off, if the last view has one.
         """
         stand = self.driving.stand(followed.target.id)
         if stand is not None and not self.eyes.sees(followed):
             yield from self.moves.to(followed, stand)
         views_left = MOVES
-        attempt = yield from self._attempt(followed, views_left)
-        while views_left:
-            move = attempt.verdict.base_move or self._nearer(attempt)
-            if move is None:
-                break
-            wanted = self.hardware.believed.site_from_rover * move.pose.site_from_rover
-            moved = yield from self.moves.to(followed, Pose.from_transform(wanted))
+        refused: TrackerError | None = None
+        while True:
+            attempt: Attempt | None = None
+            try:
+                attempt = yield from self._attempt(followed, views_left)
+            except TrackerError as err:
+                refused = refused or err
+            move = self._move_after(followed, attempt) if views_left else None
+            moved = False
+            if move is not None:
+                wanted = self.hardware.believed.site_from_rover * move.pose.site_from_rover
+                moved = yield from self.moves.to(followed, Pose.from_transform(wanted))
+            if attempt is not None and move is None:
+                return attempt
+            if attempt is None and not moved:
+                assert refused is not None
+                raise refused
             # where the rover cannot go it decides by what it sees from here
             views_left = views_left - 1 if moved else 0
-            attempt = yield from self._attempt(followed, views_left)
-        return attempt
+
+    def _move_after(self, followed: Followed, attempt: Attempt | None) -> BaseMove | None:
+        """Return the move after an attempt, or after a hand-off that was refused, by which more may be known;
+        None where nothing is to be hoped for.
+        """
+        if attempt is not None:
+            move = attempt.verdict.base_move or self._nearer(attempt)
+            if move is not None or attempt.verdict.reason is not Reason.OUTSIDE_CLOUD:
+                return move
+        return self._another_side(followed)
+
+    def _another_side(self, followed: Followed) -> BaseMove | None:
+        """Return a move to where a target is seen from another side, None where there is none; nothing is
+        known of its face.
+        """
+        rover_from_site = self.hardware.believed.site_from_rover.inverse()
+        try:
+            cloud = hazcam_cloud(self.eyes.pair().view, rover_from_site)
+        except (CameraError, RenderError):
+            return None
+        at = np.asarray(rover_from_site.apply(followed.update.position), dtype=np.float64)
+        move = view_move(cloud, self.hardware.profile, at, np.asarray(cloud.up))
+        return None if isinstance(move, str) else move
 
     def _nearer(self, attempt: Attempt) -> BaseMove | None:
         """Return the move that brings a refused target into the arm's reach; None when it is in reach.

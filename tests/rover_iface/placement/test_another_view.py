@@ -15,6 +15,7 @@ from rover_iface.behaviour.action import Step
 from rover_iface.behaviour.arm_placing import ArmPlacing
 from rover_iface.behaviour.attempt import Attempt
 from rover_iface.behaviour.following import Followed
+from rover_iface.errors import TrackerError
 from rover_iface.frames import Pose, wrap_angle
 from rover_iface.placement import (
     Decision,
@@ -32,7 +33,7 @@ from rover_iface.placement.base_adjustment import (
     view_move,
 )
 from rover_iface.placement.cloud import Array, cloud_of_points
-from rover_iface.placement.verdict import BaseMove
+from rover_iface.placement.verdict import BaseMove, Reason
 from rover_iface.profile import RoverProfile, load_profile
 from tests.rover_iface.domes import EYE, ROCKS, raster
 
@@ -138,11 +139,16 @@ def test_without_ground_to_stand_on_the_reason_is_told(k9: RoverProfile) -> None
 
 # ---- as the rover carries it out
 
+REFUSED, BLIND = "refused", "blind"
+MOVE = BaseMove(Pose(0.3, 0.0), 0.3, 0.0, 1.0)
+
 
 class Bench(ArmPlacing):
-    """A rover whose safety check asks for the moves of a list, one at each attempt."""
+    """A rover whose safety check asks for the moves of a list, one at each attempt; REFUSED: the hand-off is
+    refused there, BLIND: the cloud does not hold the target.
+    """
 
-    def __init__(self, asked: list[bool], *, goes: bool) -> None:
+    def __init__(self, asked: list[bool | str], *, goes: bool) -> None:
         self.asked, self.goes = asked, goes
         self.views: list[int] = []
         self.driving: Any = SimpleNamespace(stand=lambda name: None)
@@ -159,8 +165,15 @@ class Bench(ArmPlacing):
     def _attempt(self, followed: Followed, views_left: int) -> Generator[Step, None, Attempt]:
         yield Step(1, 1.0)
         self.views.append(views_left)
-        move = BaseMove(Pose(0.3, 0.0), 0.3, 0.0, 1.0) if self.asked.pop(0) else None
-        return cast("Attempt", SimpleNamespace(verdict=SimpleNamespace(base_move=move)))
+        asked = self.asked.pop(0)
+        if asked == REFUSED:
+            raise TrackerError(f"{REFUSED} with {views_left} left")
+        reason = Reason.OUTSIDE_CLOUD if asked == BLIND else Reason.EDGE
+        move = MOVE if asked is True else None
+        return cast("Attempt", SimpleNamespace(verdict=SimpleNamespace(base_move=move, reason=reason)))
+
+    def _another_side(self, followed: Followed) -> BaseMove | None:
+        return MOVE
 
     def tried(self) -> list[int]:
         """Return for each attempt how many moves to another view were left."""
@@ -178,3 +191,21 @@ def test_each_move_leaves_one_view_less() -> None:
 def test_where_the_rover_cannot_go_it_decides_by_what_it_sees_from_here() -> None:
     assert Bench([True, False], goes=False).tried() == [2, 0]
     assert Bench([True, True], goes=False).tried() == [2, 0]
+
+
+@pytest.mark.parametrize("unseen", [REFUSED, BLIND])
+def test_a_target_that_is_not_seen_from_here_is_looked_at_from_another_side(unseen: str) -> None:
+    """It was refused at once: it lay at the end of what the hazcams range (day 921031712, T4)."""
+    assert Bench([unseen, False], goes=True).tried() == [2, 1]
+    assert Bench([unseen, unseen, False], goes=True).tried() == [2, 1, 0]
+
+
+def test_a_hand_off_that_is_refused_from_all_sides_tells_its_first_reason() -> None:
+    bench = Bench([REFUSED, REFUSED, REFUSED], goes=True)
+    with pytest.raises(TrackerError, match="refused with 2 left"):
+        bench.tried()
+    assert bench.views == [2, 1, 0]
+    stuck = Bench([REFUSED], goes=False)
+    with pytest.raises(TrackerError, match="refused with 2 left"):
+        stuck.tried()
+    assert stuck.views == [2]
