@@ -110,7 +110,7 @@ def _blocked(obstacles: Obstacles, corners: Sequence[Point | FloatArray]) -> str
     """Return why a way cannot be driven, naming what it comes too near to; None where it can."""
     line = np.asarray(corners, dtype=np.float64)
     pieces = np.asarray(shapely.linestrings(np.stack([line[:-1], line[1:]], axis=1)))
-    ends = [(float(e), float(n)) for e, n in (line[0], line[-1])]
+    ends = (np.broadcast_to(end, (len(pieces), 2)) for end in (line[0], line[-1]))
     if bool(obstacles.free(pieces, *ends).all()):
         return None
     whole = shapely.linestrings(line)

@@ -20,18 +20,20 @@ from planner.path_network.sight import Outline
 from planner.path_network.values import (
     START,
     FloatArray,
+    IntArray,
     NetworkRequest,
 )
 
-_ARC = 4  # segments to a quarter circle of clearance
-_FINE, _COARSE = (8, 0.25), (3, 1.0)  # segments, and part of `outward_m`, of outlines that are made simpler
-_MOST_FINE = 12_000  # corners; by hand: fine outlines of 2,000 hazards would have 100,000
+Bodies = npt.NDArray[np.object_]
+"""Geometry of shapely's, site frame, m."""
+
+_ARC, _FEW_ARC, _FINE_ARC = 4, 3, 8
+"""Segments to a quarter circle of clearance: where there are few outlines, where they are made simpler, and
+of obstacles beside a gap that is hardly wide enough.
+"""
 _SHRINK_M = 1e-6  # a segment along an obstacle's edge is free, one through its inside is not
 _HAIR_M = 1e-5  # a segment along an opening's edge is free
 _SLIVER_M = 1e-4  # corners nearer than this to a straight edge only slow the search down
-# One chord of a GEOS arc spans up to one and a half steps, and a concave outline may lose 1 % of the
-# distance; this factor keeps the chords outside the true circle all the same.
-_LOST = 1.015
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,14 +63,18 @@ class Obstacles:
     openings: Mapping[tuple[float, float], BaseGeometry]
     outline: Outline
 
-    def free(self, lines: npt.NDArray[np.object_], *places: tuple[float, float]) -> npt.NDArray[np.bool_]:
+    def free(self, lines: Bodies, *places: FloatArray) -> npt.NDArray[np.bool_]:
         """Return which straight lines [n] (shapely, site frame, m) may be driven on the way to or from these
-        places.
+        places, each [n, 2], one for each line.
         """
+        left = lines.copy()
+        known = np.array([*self.openings], dtype=np.float64).reshape(-1, 2)
+        ground = np.array([*self.openings.values()], dtype=object)
+        ground = shapely.buffer(ground, _HAIR_M, quad_segs=1)
         for place in places:
-            if place in self.openings:
-                lines = shapely.difference(lines, self.openings[place].buffer(_HAIR_M, quad_segs=1))
-        return clear_of(self.blocked, lines)
+            line, opening = np.nonzero((place[:, None] == known).all(axis=2))
+            left[line] = shapely.difference(left[line], ground[opening])
+        return clear_of(self.blocked, left)
 
 
 def check_request(request: NetworkRequest) -> tuple[Polygon, ...]:
@@ -234,13 +240,10 @@ def build_obstacles(request: NetworkRequest, keep_outs: tuple[Polygon, ...]) -> 
     )
     if not hard:
         return Obstacles((), (), Polygon(), (), {}, Outline(Polygon())), notes
-    blocked = _with_clearance(hard, rover.clearance_m, 0.0, _ARC)
-    corners = shapely.get_num_coordinates(blocked)
-    if corners > 2 * options.maximum_corners:
-        for arc, share in (_FINE, _COARSE) if corners <= 2 * _MOST_FINE else (_COARSE,):
-            blocked = _with_clearance(hard, rover.clearance_m, share * options.outward_m, arc)
-            if shapely.get_num_coordinates(blocked) <= _MOST_FINE:
-                break
+    bodies = np.array(hard, dtype=object)
+    blocked = _with_clearance(bodies, rover.clearance_m, 0.0, _ARC)
+    if shapely.get_num_coordinates(blocked) > options.maximum_corners:
+        blocked = _with_clearance(bodies, rover.clearance_m, options.outward_m, _FEW_ARC)
     tree = shapely.STRtree(hard)
     places = [request.start, *(p.pose for p in request.observation_points)]
     openings = {}
@@ -248,24 +251,54 @@ def build_obstacles(request: NetworkRequest, keep_outs: tuple[Polygon, ...]) -> 
         opening = _opening(hard, tree, blocked, pose, rover.clearance_m)
         if opening is not None:
             openings[pose.east_m, pose.north_m] = opening
-    outline = Outline(_shrunk(blocked))
-    return Obstacles(tuple(hard), names, blocked, tuple(hazards), openings, outline), notes
+    found = Obstacles(tuple(hard), names, blocked, tuple(hazards), openings, outline_of(blocked))
+    return found, notes
 
 
-def _with_clearance(
-    hard: tuple[Polygon, ...], clearance_m: float, outward_m: float, arc: int
-) -> BaseGeometry:
-    """Return the union of all obstacles with the clearance, its outline made simpler outward only.
+def _with_clearance(bodies: Bodies, clearance_m: float, outward_m: float, arc: int) -> BaseGeometry:
+    """Return the union of all obstacles [n] with the clearance, its outline made simpler outward only.
 
     Grown by the clearance and twice `outward_m`, then simplified by that (Douglas and Peucker): what it cuts
     off lies within `outward_m` of the outline, at the vertex where a ring begins within twice that. So no
-    ground within the clearance is ever opened.
+    ground within the clearance is ever opened. Obstacles beside a gap that this would close though it is
+    twice the clearance wide have fine outlines of just the clearance.
     """
-    round_up = _LOST / math.cos(0.75 * math.pi / (2 * arc))
-    margin = (clearance_m + 2 * outward_m) * round_up + 2 * _SLIVER_M
-    grown = shapely.buffer(np.array(hard, dtype=object), margin, quad_segs=arc)
+    grown = _grown(bodies, clearance_m + 2 * outward_m, arc)
+    beside = _beside_gaps(bodies, grown, clearance_m)
+    if outward_m > 0.0:
+        grown = shapely.simplify(grown, outward_m)
+    grown[beside] = _grown(bodies[beside], clearance_m, _FINE_ARC)
     # Most obstacles meet none or few: united group by group, 2,000 take a tenth of the time.
-    return shapely.simplify(shapely.disjoint_subset_union_all(grown), _SLIVER_M + outward_m)
+    return shapely.simplify(shapely.disjoint_subset_union_all(grown), _SLIVER_M)
+
+
+def _grown(bodies: Bodies, away_m: float, arc: int) -> Bodies:
+    """Return obstacles [n] with all ground nearer than a distance, and a hair.
+
+    GEOS draws arcs with chords, of up to one and a half of the steps asked for, and may leave out a little
+    of a concave outline. So how near an outline comes is measured, and it is drawn farther out by that.
+    """
+    away_m += 2 * _SLIVER_M
+    margin = np.full(len(bodies), away_m / math.cos(math.pi / (4 * arc)))
+    grown = np.asarray(shapely.buffer(bodies, margin, quad_segs=arc))
+    while True:
+        nearest = shapely.distance(bodies, shapely.boundary(grown))
+        near = np.flatnonzero(nearest < away_m)
+        if not len(near):
+            return grown
+        margin[near] *= away_m / np.maximum(nearest[near], away_m / 2) + 1e-6
+        grown[near] = shapely.buffer(bodies[near], margin[near], quad_segs=arc)
+
+
+def _beside_gaps(bodies: Bodies, grown: Bodies, clearance_m: float) -> IntArray:
+    """Return which obstacles [n] are beside a gap of twice the clearance that they close when grown."""
+    tree = shapely.STRtree(grown)
+    first, second = tree.query(grown, predicate="intersects")
+    pairs = first < second
+    first, second = first[pairs], second[pairs]
+    apart = shapely.distance(bodies[first], bodies[second]) >= 2 * clearance_m
+    mouths = shapely.get_num_interior_rings(grown) > shapely.get_num_interior_rings(bodies)
+    return np.unique(np.concatenate([first[apart], second[apart], np.flatnonzero(mouths)]))
 
 
 def _opening(
@@ -300,6 +333,11 @@ def clear_of(blocked: BaseGeometry, lines: Any) -> npt.NDArray[np.bool_]:
         if found.size:
             hit[found] = shapely.intersects(part, lines[found])
     return ~hit
+
+
+def outline_of(blocked: BaseGeometry) -> Outline:
+    """Return what stops segments through the inside of blocked ground, but none along its edge."""
+    return Outline(_shrunk(blocked))
 
 
 def _shrunk(blocked: BaseGeometry) -> BaseGeometry:

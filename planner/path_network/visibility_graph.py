@@ -19,7 +19,7 @@ import numpy.typing as npt
 import shapely
 
 from planner.path_network.near_pairs import hugs, near_pairs, tangent_pairs
-from planner.path_network.obstacles import Obstacles, clear_of, ring_corners
+from planner.path_network.obstacles import Obstacles, outline_of, ring_corners
 from planner.path_network.shortest_routes import EVERYBODY, ShortestRoutes
 from planner.path_network.values import FloatArray, IntArray
 
@@ -97,7 +97,8 @@ def build_visibility_graph(
 ) -> VisibilityGraph:
     """Return the tangent graph of places (n, 2), site frame, m, and obstacles.
 
-    With more than `most_corners` convex corners only near pairs are looked at.
+    With more than `most_corners` convex corners only near pairs are looked at, and of a place inside a margin
+    those with so many nearest.
     """
     n = len(places)
     corners = _convex(*ring_corners(obstacles.blocked), bounds_m)
@@ -108,22 +109,19 @@ def build_visibility_graph(
     owner[narrow] = narrow
     own = [_own_corners(obstacles, places[i], bounds_m) for i in narrow]
     everybody = np.flatnonzero(owner == EVERYBODY)
-    if len(corners[0]) <= most_corners:
-        a, b = np.triu_indices(len(everybody), 1)
-        kept = nodes.tangent(everybody[a], everybody[b])
-        first, second = everybody[a[kept]], everybody[b[kept]]
-    else:
+    many = len(corners[0]) > most_corners
+    if many:
         nodes, owner, safe = _with_triangles(nodes, owner, obstacles, bounds_m)
-        found = near_pairs(nodes.xy[everybody], nodes.before[everybody], nodes.after[everybody])
-        first, second = everybody[_distinct(found, len(everybody))].T
-    edges = _seen(nodes, np.stack([first, second], axis=1).astype(np.int64), obstacles)
-    if len(corners[0]) > most_corners:
+    look = near_pairs if many else tangent_pairs
+    found = look(nodes.xy[everybody], nodes.before[everybody], nodes.after[everybody])
+    edges = _seen(nodes, everybody[_distinct(found, len(everybody))], obstacles)
+    if many:
         edges = _distinct(np.concatenate([edges, safe]), len(nodes.xy))
     if narrow:
         nodes, owner, private = _private(nodes, owner, narrow, own, obstacles, most_corners)
         edges = np.concatenate([edges, private])
     graph = VisibilityGraph(nodes.xy, n, edges, nodes.length_m(edges), owner)
-    if len(corners[0]) > most_corners:
+    if many:
         graph = _with_all_pairs_in_use(graph, nodes, obstacles)
     return graph
 
@@ -188,8 +186,8 @@ def _private(
     owner = np.concatenate([owner, np.repeat(narrow, [len(o[0]) for o in own])]).astype(np.int64)
     everybody = np.flatnonzero(owner[:count] == EVERYBODY)
     discs = shapely.union_all([obstacles.openings[tuple(nodes.xy[i].tolist())] for i in narrow])
-    outside = obstacles.blocked.difference(shapely.buffer(discs, 0.01))
-    found = [np.zeros((0, 2), dtype=np.int64)]
+    outside = outline_of(obstacles.blocked.difference(shapely.buffer(discs, 0.01)))
+    found = [np.zeros((0, 3), dtype=np.int64)]
     for place in narrow:
         mine = np.flatnonzero(owner == place)
         others = np.flatnonzero((owner > place) & (owner != EVERYBODY))
@@ -201,20 +199,13 @@ def _private(
         second = np.concatenate([b.ravel(), mine[inner[1]]])
         kept = nodes.tangent(first, second)
         first, second = first[kept], second[kept]
-        free = clear_of(outside, nodes.lines(first, second))
+        free = ~outside.stops(nodes.xy[first], nodes.xy[second])
         first, second = first[free], second[free]
-        spots = [tuple(nodes.xy[i].tolist()) for i in narrow]
-        ends = np.where(owner[second] == EVERYBODY, place, owner[second])
-        for other in np.unique(ends):
-            at = ends == other
-            here = obstacles.free(
-                nodes.lines(first[at], second[at]),
-                spots[narrow.index(place)],
-                spots[narrow.index(int(other))],
-            )
-            pair = np.stack([first[at][here], second[at][here]], axis=1)
-            found.append(np.sort(pair, axis=1))
-    return nodes, owner, np.concatenate(found)
+        found.append(np.stack([first, second, np.full(len(first), place)], axis=1))
+    first, second, place = np.concatenate(found).T
+    end = np.where(owner[second] == EVERYBODY, place, owner[second])
+    free = obstacles.free(nodes.lines(first, second), nodes.xy[place], nodes.xy[end])
+    return nodes, owner, np.sort(np.stack([first, second], axis=1)[free], axis=1)
 
 
 # --------------------------------------------------------------------------- many corners
