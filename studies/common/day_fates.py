@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -60,7 +61,7 @@ def fates(
     `refused` holds why a target was refused before the day, `history` every answer of the tracker in time.
     """
     ends = _ends(out)
-    told = {row["command"][1]: row for row in _results(out)}
+    told = {node_of(row["command"][1]): row for row in results(out)}
     found = []
     for target in targets:
         request = f"R{target.removeprefix('T')}"
@@ -95,7 +96,7 @@ def failures(out: Path) -> list[str]:
     """Return task and reason of every drive and placement that failed."""
     return [
         f"{event['command'][1]}: {event['reason'].split('; ')[0]}"
-        for event in _results(out)
+        for event in results(out)
         if not event["success"]
     ]
 
@@ -121,12 +122,23 @@ def not_begun(out: Path, history: Sequence[TrackRecord]) -> list[str]:
 
 
 def _ends(out: Path) -> dict[str, str]:
-    """Return how each node of a run ended that the plan holds."""
-    records = (json.loads(line) for line in (out / "trace.jsonl").read_text("utf-8").splitlines())
-    return {str(r[2]): " ".join(str(v) for v in r[3:]) for r in records if r[1] == "end"}
+    """Return how each node of a run ended that the plan holds; of those in several branches the one taken."""
+    found: dict[str, str] = {}
+    for record in (json.loads(line) for line in (out / "trace.jsonl").read_text("utf-8").splitlines()):
+        if record[1] == "end":
+            node, end = node_of(str(record[2])), " ".join(str(v) for v in record[3:])
+            if node not in found or not end.startswith("SKIPPED"):
+                found[node] = end
+    return found
 
 
-def _results(out: Path) -> Iterator[dict[str, Any]]:
+def node_of(task: str) -> str:
+    """Return the name of a task without the number that tells those of several branches apart."""
+    return re.sub(r"-\d+$", "", task)
+
+
+def results(out: Path) -> Iterator[dict[str, Any]]:
+    """Yield the results of a run's tasks, in time."""
     for line in (out / "journal.jsonl").read_text("utf-8").splitlines():
         yield from (e for e in json.loads(line).get("events", ()) if e["e"] == "result")
 

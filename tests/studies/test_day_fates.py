@@ -72,6 +72,26 @@ def test_each_target_has_one_end_with_its_reason_and_what_is_true_of_it(tmp_path
     assert [fate.target for fate in found if fate.wrong] == ["T3"]
 
 
+def test_a_target_of_several_branches_has_the_end_of_the_one_taken(tmp_path: Path) -> None:
+    events = [
+        result("navigate-T1-2", success=True),
+        result("observe-R1-2", success=True, made=True, placement_error_m=0.004),
+    ]
+    (tmp_path / "journal.jsonl").write_text(json.dumps({"events": events}) + "\n", "utf-8")
+    rows: list[list[Any]] = [
+        [1.0, "end", "navigate-T1-2", "SUCCEEDED"],
+        [2.0, "end", "navigate-T1", "SKIPPED"],
+        [2.0, "end", "navigate-T2-3", "SKIPPED"],
+        [2.0, "end", "navigate-T2", "FAILED", "start-condition"],
+    ]
+    (tmp_path / "trace.jsonl").write_text("".join(json.dumps(r) + "\n" for r in rows), "utf-8")
+    found = fates(tmp_path, ["T1", "T2"], {}, [])
+    assert [(fate.what, fate.why) for fate in found] == [
+        ("placed", ""),
+        ("drive not begun", "FAILED start-condition"),
+    ]
+
+
 def test_the_table_counts_the_ends_and_tells_every_target(tmp_path: Path) -> None:
     found = fates(flown(tmp_path), ["T1", "T4"], {}, [record("T4", "tracked", 0.0195)])
     text = fate_table({7: found})
