@@ -89,6 +89,18 @@ def test_ground_before_a_steep_wall_is_the_ground() -> None:
     assert fit_ground_plane(cloud_of_points(wall[x > 1.0], sigma_m=0.002, eye=EYE)) is None
 
 
+def test_places_near_the_designated_point_are_tried_densely_and_the_nearest_first(k9: RoverProfile) -> None:
+    """The only ones tried were 1.4 and 1.5 cm away (landing_site 256248254 T1, generated 921031712 T3)."""
+    cloud, body, _ = scene()
+    at = on_first_rock()
+    check = PatchCheck(cloud, body, 0, k9, SafetyLimits(search_m=0.015))
+    away = np.linalg.norm(np.array(check.candidates(at)[1:]) - at, axis=1)
+    assert (np.diff(away) >= 0.0).all()
+    # a circle of 1.5 cm holds eleven cells of 8 mm
+    assert len(away) >= 11
+    assert (away < 0.008).sum() >= 3
+
+
 def test_points_without_order_give_the_same_rocks() -> None:
     cloud, _, organised = scene()
     keep = np.random.default_rng(1).permutation(len(cloud))[:15_000]
