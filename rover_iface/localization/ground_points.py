@@ -44,11 +44,14 @@ class GroundPoints:
         [3], where they were seen from: the middle of the left cameras.
     range_factor
         Focal length in pixels times stereo base in metres: the range r errs by r^2 / range_factor per pixel.
+    brightness
+        [n], 0..1, of the pixel of each point, NaN where the picture ends; None of points without a picture.
     """
 
     points: Array
     eye: Array
     range_factor: float = 235.4
+    brightness: Array | None = None
 
     def __post_init__(self) -> None:
         points, eye = np.asarray(self.points, dtype=float), np.asarray(self.eye, dtype=float)
@@ -62,8 +65,16 @@ class GroundPoints:
             raise LocalizationError("a seen point or its eye is not finite")
         if not self.range_factor > 0:
             raise LocalizationError(f"range factor is {self.range_factor} px m; it must be positive")
+        if self.brightness is not None and self.brightness.shape != (len(points),):
+            raise LocalizationError(
+                f"{len(points)} points were seen with brightness {self.brightness.shape}; one each is needed"
+            )
         object.__setattr__(self, "points", points)
         object.__setattr__(self, "eye", eye)
+
+    def from_eye(self) -> GroundPoints:
+        """Return the same in the frame of the stop: its origin is the eye."""
+        return replace(self, points=self.points - self.eye, eye=np.zeros(3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +87,8 @@ class DirectionRaster:
         [rows, columns], 1 / m, NaN where nothing was seen.
     left, top, step
         Azimuth (counter-clockwise from x) of column 0, elevation of row 0, side of a cell; radians.
+    brightness
+        [rows, columns], 0..1, NaN where nothing was seen; None of points without a picture.
     """
 
     inverse: Array
@@ -83,6 +96,7 @@ class DirectionRaster:
     top: float
     step: float
     eye: Array
+    brightness: Array | None = None
 
     def directions(self) -> Array:
         """Return unit vectors [rows, columns, 3]."""
@@ -125,9 +139,13 @@ def direction_raster(
     shape = int(row.max()) + 1, int(column.max()) + 1
     at = row * shape[1] + column
     count = np.bincount(at, minlength=shape[0] * shape[1])
-    total = np.bincount(at, weights=1.0 / away, minlength=shape[0] * shape[1])
-    inverse = np.where(count > 0, total / np.maximum(count, 1), np.nan).reshape(shape)
-    return DirectionRaster(inverse, left, top, step, seen.eye)
+
+    def on_cells(values: Array) -> Array:
+        total = np.bincount(at, weights=values, minlength=shape[0] * shape[1])
+        return np.where(count > 0, total / np.maximum(count, 1), np.nan).reshape(shape)
+
+    bright = None if seen.brightness is None else on_cells(seen.brightness[good])
+    return DirectionRaster(on_cells(1.0 / away), left, top, step, seen.eye, bright)
 
 
 def points_of_panorama(
@@ -143,18 +161,15 @@ def points_of_panorama(
     LocalizationError
         If the wedges together show too few points.
     """
-    clouds, factor = [], 0.0
-    for wedge in panorama.wedges:
-        points, wedge_factor = _wedge_points(wedge, nearest_m, step_px)
-        clouds.append(points)
-        factor = max(factor, wedge_factor)
-    points = np.concatenate(clouds)
-    away = np.linalg.norm(points - panorama.eye, axis=1)
-    return GroundPoints(points[away < farthest_m], panorama.eye, factor)
+    clouds = [_wedge_points(wedge, nearest_m, step_px) for wedge in panorama.wedges]
+    points, brightness = (np.concatenate([cloud[k] for cloud in clouds]) for k in (0, 1))
+    near = np.linalg.norm(points - panorama.eye, axis=1) < farthest_m
+    factor = max(cloud[2] for cloud in clouds)
+    return GroundPoints(points[near], panorama.eye, factor, brightness[near])
 
 
-def _wedge_points(wedge: StereoWedge, nearest_m: float, step_px: int) -> tuple[Array, float]:
-    """Return points [n, 3] of one pair and its focal length times base, px m."""
+def _wedge_points(wedge: StereoWedge, nearest_m: float, step_px: int) -> tuple[Array, Array, float]:
+    """Return points [n, 3] of one pair, their brightness [n] and its focal length times base, px m."""
     from rover_iface.cameras.linear import aligned_pair, warp
     from rover_iface.cameras.stereo import dense_stereo
     from rover_iface.localization.disparity_kernels import refine_disparities
@@ -175,7 +190,11 @@ def _wedge_points(wedge: StereoWedge, nearest_m: float, step_px: int) -> tuple[A
     points = one.C + rays * (factor / disparities / (rays @ one.A))[:, None]
     cloud = replace(cloud, points=points, pixels=pixels, disparities=disparities, camera=one)
     keep = confirmed(cloud, *match_interest_points(*aligned, most_px=factor / nearest_m))
-    return cloud.points[keep], float(factor)
+    at = np.rint(pixels[keep]).astype(np.int64)
+    inside = (at >= 0) & (at < aligned[0].shape[::-1])
+    at = np.where(inside, at, 0)
+    brightness = np.where(inside.all(axis=1), aligned[0][at[:, 1], at[:, 0]], np.nan)
+    return cloud.points[keep], brightness, float(factor)
 
 
 def read_points(

@@ -9,7 +9,7 @@ stands above the ground and hangs together in disparity, and two peaks with a de
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,7 @@ import numpy.typing as npt
 from rover_iface.errors import LocalizationError
 from rover_iface.localization.ground_points import DirectionRaster, GroundPoints, direction_raster
 from rover_iface.localization.rock_models import FEWEST_POINTS, RockModel, best_rock_model
+from rover_iface.localization.rock_outlines import OutlineOptions, cut_at_outlines
 
 Array = npt.NDArray[np.float64]
 Cells = npt.NDArray[np.int64]
@@ -49,6 +50,8 @@ class ExtractionOptions:
         Rocks from this height on count as significant.
     least_probability
         What is less probably a rock is left away.
+    outlines
+        How patches are cut at the outlines of the picture, where there is one.
     """
 
     farthest_m: float = 26.0
@@ -65,6 +68,7 @@ class ExtractionOptions:
     rise_allowance: tuple[float, ...] = (1.0, 0.5, 0.5)
     significant_height_m: float = 0.15
     least_probability: float = 0.05
+    outlines: OutlineOptions = field(default_factory=OutlineOptions)
 
     def __post_init__(self) -> None:
         if self.least_cells < FEWEST_POINTS - 4 or not self.least_height_m > 0 or not self.disparity_px > 0:
@@ -97,7 +101,9 @@ class SeenRock:
     rise
         Its face recedes as that of a rise of the ground does: a rock seen from a flat side, or no rock.
     probability
-        That it is a rock (`rock_probability`).
+        That it is a rock (`rock_probability`, `weighed_by_outlines`).
+    outlined
+        The picture shows where it ends (`rock_outlines`); None without a picture.
     """
 
     peak: Array
@@ -111,6 +117,7 @@ class SeenRock:
     cells: Cells
     rise: bool = False
     probability: float = 1.0
+    outlined: bool | None = None
 
     @property
     def radius_m(self) -> float:
@@ -123,6 +130,11 @@ class SeenRock:
         if self.model is not None:
             return self.model.area_m2
         return 2.0 * math.pi * 0.5 * self.width_m * max(self.height_m, 0.5 * self.width_m)
+
+    def with_outline(self, outlined: bool) -> SeenRock:
+        """Return the rock as the picture bears it out; one whose outline it shows is placed better."""
+        factor = OUTLINED_SIGMA**2 if outlined else 1.0
+        return replace(self, outlined=outlined, covariance=factor * self.covariance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,8 +227,8 @@ def fit_ground(
     trust = np.ones(len(cells))
     for _ in range(options.passes):
         fields = np.zeros((9, rows * columns))
-        for field, moment in zip(fields, (1.0, x, y, z, x * x, x * y, y * y, x * z, y * z), strict=True):
-            field[cells] = weight * trust * moment
+        for total, moment in zip(fields, (1.0, x, y, z, x * x, x * y, y * y, x * z, y * z), strict=True):
+            total[cells] = weight * trust * moment
         height = _planes(fields.reshape(-1, rows, columns), side, reach_m, float(np.median(z)), options)
         ground = Ground(height, float(low[0]), float(low[1]), side)
         over = lows[:, 2] - ground.at(lows[:, :2]) - options.over_m
@@ -263,9 +275,10 @@ def extract_rocks(
     options = options or ExtractionOptions()
     raster = direction_raster(seen, farthest_m=options.farthest_m + 6.0)
     smooth = _smoothed(raster.inverse)
-    raster = DirectionRaster(smooth, raster.left, raster.top, raster.step, raster.eye)
-    points = raster.points()
     valid = np.isfinite(smooth)
+    bright = None if raster.brightness is None else np.where(valid, raster.brightness, np.nan)
+    raster = replace(raster, inverse=smooth, brightness=bright)
+    points = raster.points()
     rocks: list[SeenRock] = []
     rises: list[SeenRock] = []
     taken = np.zeros(smooth.size, dtype=bool)
@@ -274,10 +287,13 @@ def extract_rocks(
         ground = fit_ground(points[valid], side=min(1.0, 0.7 * reach), reach_m=reach)
         over = np.full(smooth.shape, np.nan)
         over[valid] = points[valid][:, 2] - ground.at(points[valid][:, :2])
-        for patch in _patches(over, smooth * seen.range_factor, options):
+        patches = _patches(over, smooth * seen.range_factor, options)
+        for patch, outlined in _outlined(patches, raster, options):
             if taken[patch].any():
                 continue
             rock = _rock(patch, raster, points, over, ground, seen.range_factor, options, allowance, models)
+            if rock is not None and outlined is not None:
+                rock = rock.with_outline(outlined)
             if rock is not None and rock.rise:
                 rises.append(rock)
             elif rock is not None:
@@ -287,7 +303,23 @@ def extract_rocks(
         if not taken[rock.cells].any():
             rocks.append(rock)
             taken[rock.cells] = True
+    rocks = weighed_by_outlines(rocks, options.least_probability)
     return sorted(rocks, key=lambda rock: rock.range_m)
+
+
+def _outlined(
+    patches: list[Cells], raster: DirectionRaster, options: ExtractionOptions
+) -> list[tuple[Cells, bool | None]]:
+    """Return patches cut at the outlines of the picture, or as they are if there is none."""
+    if raster.brightness is None or not patches:
+        return [(patch, None) for patch in patches]
+    raised = np.zeros(raster.inverse.shape, dtype=bool)
+    raised.ravel()[np.concatenate(patches)] = True
+    return [
+        part
+        for patch in patches
+        for part in cut_at_outlines(patch, raised, raster.brightness, options.least_cells, options.outlines)
+    ]
 
 
 def _smoothed(inverse: Array) -> Array:
@@ -452,6 +484,41 @@ def rock_probability(signs: tuple[float, ...]) -> float:
     constant, *weights = ROCK_SIGNS
     level = constant + sum(weight * sign for weight, sign in zip(weights, signs, strict=True))
     return 1.0 / (1.0 + math.exp(-max(-30.0, min(30.0, level))))
+
+
+OUTLINE_LAW = {True: (2.33, 0.11), False: (-3.16, 0.27)}
+"""By whether the picture shows an outline: constant and slope of log odds over those of `rock_probability`.
+
+Fitted on the 16 rendered stops of terrains 393882176 to 393882183, 1,103 patches: of those with an outline
+93 % were rocks, of those without 8 %.
+"""
+
+OUTLINED_ENOUGH = 6
+"""Outlined patches, more probably rocks than not, by which a stop's pictures show that rocks have outlines
+there: as many as a leg asks of rocks (`FaultLimits.least_rocks`). With fewer a patch without one may still be
+a rock, on ground as bright as the rocks are."""
+
+OUTLINED_SIGMA = 0.65
+"""What a place errs by where the picture says where the rock ends, of what it errs by without: 0.58 to 0.60
+along and across the sight, measured on the same legs."""
+
+
+def weighed_by_outlines(rocks: list[SeenRock], least_probability: float) -> list[SeenRock]:
+    """Return rocks with the probabilities that they have given the outlines of the picture; those that are
+    less than `least_probability` are left away.
+
+    Without enough outlines in the pictures the rocks come back as they are.
+    """
+    if sum(bool(rock.outlined) and rock.probability > 0.5 for rock in rocks) < OUTLINED_ENOUGH:
+        return rocks
+    weighed = []
+    for rock in rocks:
+        constant, slope = OUTLINE_LAW[bool(rock.outlined)]
+        odds = rock.probability / max(1.0 - rock.probability, 1e-9)
+        probability = 1.0 / (1.0 + math.exp(-constant) * odds**-slope)
+        if probability >= least_probability:
+            weighed.append(replace(rock, probability=probability))
+    return weighed
 
 
 STEP_CELLS = 3

@@ -178,9 +178,7 @@ def localise_traverse(
     say = report or (lambda line: None)
     rocks = []
     for name, seen in stops:
-        rocks.append(
-            tuple(extract_rocks(GroundPoints(seen.points - seen.eye, np.zeros(3), seen.range_factor)))
-        )
+        rocks.append(tuple(extract_rocks(seen.from_eye())))
         say(f"{name}: {len(rocks[-1])} rocks")
     eyes = np.array([seen.eye for _, seen in stops])
     legs = []

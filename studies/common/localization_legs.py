@@ -183,7 +183,7 @@ def see(leg: Leg, end: int, seed: int, *, models: bool = True, farthest_m: float
     """Return the rocks extracted from modelled stereo at one end of a leg."""
     sight = look(leg, end)
     points = stereo_points(sight, np.random.default_rng([seed, end]))
-    local = GroundPoints(points.points - points.eye, np.zeros(3), points.range_factor)
+    local = points.from_eye()
     rocks = extract_rocks(local, models=models)
     bodies = bodies_of(leg, leg.eyes[end], local, rocks)
     return Seen(rocks, bodies, visible_rocks(leg, sight, farthest_m))
@@ -312,7 +312,7 @@ def _rendered_ends(leg: Leg, seed: int, *, models: bool) -> tuple[tuple[Seen, Se
     ends, eyes = [], []
     for end in (0, 1):
         seen = points_of_panorama(rendered_panorama(leg, end, seed=seed))
-        local = GroundPoints(seen.points - seen.eye, np.zeros(3), seen.range_factor)
+        local = seen.from_eye()
         rocks = extract_rocks(local, models=models)
         visible = visible_rocks(leg, look(leg, end), 24.0)
         bodies, windowed = (bodies_of(leg, seen.eye, local, rocks, reach=reach) for reach in (0, 1))

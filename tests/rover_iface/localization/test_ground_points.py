@@ -59,9 +59,12 @@ def test_a_wall_stands_where_it_is(disparity: float) -> None:
     )
     camera = pinhole(focal_px=FOCAL_PX, width=480, height=240)
     wedge = StereoWedge("wall", left, right, camera, camera.moved(np.eye(3), (0.0, -BASE_M, 0.0)))
-    points, factor = _wedge_points(wedge, 2.0, 3)
+    points, brightness, factor = _wedge_points(wedge, 2.0, 3)
     depth = float(np.median((points - camera.C) @ camera.A))
     assert factor == pytest.approx(FOCAL_PX * BASE_M)
     # 0.06 px of the disparity; semi-global matching alone is 0.2 px off here
     assert depth == pytest.approx(factor / disparity, rel=0.06 / disparity)
     assert len(points) > 5000
+    # the picture of each point is its own pixel's
+    sample, line = np.rint(camera.project(points)).astype(int).T
+    assert brightness == pytest.approx(left[line, sample] / 255.0, abs=0.01)
