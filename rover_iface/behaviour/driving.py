@@ -187,6 +187,8 @@ class Driving:
                 reason = trouble
                 break
             if mode == "track":
+                # where the targets are to be looked for, the ground tells
+                yield from self._look(goal)
                 yield from self._look_at_targets()
                 reason = self._lost(name) if required else ""
                 if reason:
@@ -251,7 +253,8 @@ class Driving:
         turn = wrap_angle(math.atan2(goal[1] - here.y, goal[0] - here.x) - here.heading)
         return Way(turn if abs(turn) > 0.02 else 0.0, 0.0, min(left, self.hardware.profile.mobility.step_m))
 
-    def _look_and_choose(self, goal: tuple[float, float], name: str) -> Generator[Step, None, Way | None]:
+    def _look(self, goal: tuple[float, float]) -> Generator[Step, None, Navigator]:
+        """Look at the ground, and return what has it; the map of targets learns of the way here by it."""
         here = self.hardware.believed
         if self._navigator is None:
             self._navigator = Navigator.fresh(self.hardware.profile, (here.x, here.y), goal)
@@ -259,16 +262,22 @@ class Driving:
         first = navigator.map.updates == 0
         looks = self.sight.cost(around=first)
         navigator.look(self.sight.look(around=first), self.sight.eye, here)
-        if navigator.way is not None:
-            self.follower.came(navigator.way)
         view = self.sight.ahead()
         if view is not None:
             self._watch.see(view, here)
+        yield from self.hardware.spend("navigator_step", looks)
+        if navigator.way is not None:
+            self.follower.came(navigator.way)
+        return navigator
+
+    def _look_and_choose(self, goal: tuple[float, float], name: str) -> Generator[Step, None, Way | None]:
+        here, navigator = self.hardware.believed, self._navigator
+        if navigator is None or navigator.looked_from != here:
+            navigator = yield from self._look(goal)
         navigator.step_m = self._step_limit()
         if name:
             x, y = self.follower.position(name)[:2]
             navigator.ignore = (*navigator.on_map(float(x), float(y)), 0.45)
-        yield from self.hardware.spend("navigator_step", looks)
         pose = navigator.where(here)
         way = navigator.choose(pose, navigator.on_map(*goal))
         return navigator.look_aside(pose) if way is None and not navigator.given_up else way

@@ -203,6 +203,11 @@ class Navigator:
                 self.way = SeenWay(began, ended, _turned(correction.alone_covariance, back))
         return self.map.update([seen_from.apply(c) for c in clouds], seen_from.apply(eye))
 
+    @property
+    def looked_from(self) -> Pose | None:
+        """Return where dead reckoning had the rover at the last look; None before the first."""
+        return self._believed
+
     def where(self, believed: Pose) -> Pose:
         """Return a pose of dead reckoning as it lies on the map."""
         return Pose.from_transform(self._map_from_believed * believed.site_from_rover)
