@@ -99,10 +99,12 @@ LEAST_SCORE = 0.75
 COASTING = 0.75
 """Most confidence in a target that is not seen: as much as in one that was just found again."""
 SOUGHT_M, SOUGHT_SHARE = 0.15, 0.2
-"""Error of a coasting target from which on the narrow pair looks for it, and how far the rover must have
-come since it did, as a share of the range: a look costs seconds, and what hides it hides it for a while."""
+"""Error of a coasting target from which on the narrow pair looks for it from any range, and how far the rover
+must have come since it did, as a share of the range: a look costs seconds, and what hides it hides it for a
+while."""
 TIED_M = 10.0
-"""From how near a target in sight is tied to another narrow pair: from farther a pixel is 3 mm and more."""
+"""From how near a target is tied to another narrow pair, and looked for with it however well the map has it:
+from farther a pixel is 3 mm and more."""
 TURNED_RAD, TRIED_RAD = math.radians(25.0), math.radians(15.0)
 """How far the line of sight to a target in sight, or the sun, must have turned from those of all pairs that
 are kept until another is taken, and since one was taken in vain."""
@@ -366,17 +368,27 @@ def _reach_m(answer: Answer, update: TrackUpdate, memory: _Memory) -> float:
 
 
 def _is_sought(memory: _Memory, update: TrackUpdate, eye: Array, away_m: float, t_s: float) -> bool:
-    """Return whether the narrow pair should look for a far target now: one that is lost and known too poorly,
-    or one that is seen from another side or in another light than in all the pairs that are kept.
+    """Return whether the narrow pair should look for a far target now.
+
+    For one that is lost and known too poorly; for one that is lost and to which the rover comes, each fifth
+    of its range; and for one, lost or not, that is seen from another side or in another light than in all the
+    pairs that are kept: once it is near, none of them would show it.
     """
     if memory.expected is None:
         return False
+    if away_m <= TIED_M and memory.known.outdated(eye, update.position, t_s, TURNED_RAD, TRIED_RAD):
+        return True
     if update.state is TrackState.TRACKED:
-        known = memory.known
-        return away_m <= TIED_M and known.outdated(eye, update.position, t_s, TURNED_RAD, TRIED_RAD)
-    come = math.inf if memory.sought is None else float(np.linalg.norm(eye - memory.sought))
+        return False
+    if memory.sought is None:
+        come_m = nearer_m = math.inf
+    else:
+        come_m = float(np.linalg.norm(eye - memory.sought))
+        nearer_m = float(np.linalg.norm(update.position - memory.sought)) - away_m
     sigma2_m2 = float(np.linalg.eigvalsh(memory.expected[1])[-1])
-    return sigma2_m2 >= SOUGHT_M**2 and come >= SOUGHT_SHARE * away_m
+    if sigma2_m2 >= SOUGHT_M**2:
+        return come_m >= SOUGHT_SHARE * away_m
+    return away_m <= TIED_M and nearer_m >= SOUGHT_SHARE * away_m
 
 
 def _elsewhere(answer: Answer, eye: Array, update: TrackUpdate, memory: _Memory) -> bool:

@@ -138,6 +138,7 @@ def unseen(tracker: NarrowRecall, place: Array, *sigmas_m: float) -> list[TrackU
 
 def test_a_target_out_of_sight_far_away_coasts_where_it_is_expected() -> None:
     tracker, point = begun()
+    tracker.narrow = None
     beside = point + np.array([0.0, 0.2, 0.0])
     # more stops than correlation by itself tries at
     told = unseen(tracker, beside, *[0.14] * (LOST_UPDATES + 3))
@@ -162,7 +163,27 @@ def test_a_target_that_would_hardly_be_found_again_is_lost() -> None:
     assert told[1].confidence < 0.5 < told[0].confidence
 
 
-def test_a_coasting_target_that_is_known_too_poorly_is_looked_for_with_the_narrow_pair() -> None:
+def test_a_coasting_target_is_looked_for_as_the_rover_comes_to_it_however_well_it_is_known() -> None:
+    """The last five metres to a target known to 9 cm were driven without a look that would have shown it."""
+    looks = []
+
+    def narrow(_target: str, _point: Array) -> StereoView:
+        looks.append(_target)
+        return blank(view("pancam"))
+
+    tracker, point = begun()
+    tracker.narrow = narrow
+    unseen(tracker, point, 0.05, 0.05)
+    assert len(looks) == 1
+    tracker.expect("A", DRIFT.apply(point), 0.05**2 * np.eye(3))
+    tracker.update("A", blank(view("navcam", MIDWAY_X, DRIFT)))
+    assert len(looks) == 2
+
+
+def test_a_coasting_target_that_is_known_too_poorly_is_looked_for_with_the_narrow_pair(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(recall, "TIED_M", 0.0)
     looks = []
 
     def narrow(_target: str, _point: Array) -> StereoView:
