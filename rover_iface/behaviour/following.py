@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -219,6 +219,13 @@ class TargetFollower:
         if self.finder is None or not looked:
             return
         seen = [followed for followed in looked if _seen(followed.update)]
+        if not seen and self._saw:
+            # before the rover takes it that it knows nothing of what it sees
+            known = {followed.target.id for followed in looked}
+            rest = [followed for followed in self.alive() if followed.target.id not in known]
+            yield from self._look_at(rest)
+            looked += rest
+            seen = [followed for followed in rest if _seen(followed.update)]
         saw, self._saw = self._saw, {followed.target.id for followed in seen}
         if not seen and saw:
             yield from self._find_pose(self.finder)
@@ -238,10 +245,14 @@ class TargetFollower:
         """Look at every target that is due; gives those."""
         self.map.move(self.hardware.believed)
         looked = [followed for followed in self.alive() if self._due(followed)]
-        for followed in sorted(looked, key=lambda one: not _seen(one.update)):
+        yield from self._look_at(looked)
+        return looked
+
+    def _look_at(self, targets: Iterable[Followed]) -> Doing[None]:
+        """Look at targets, at those first that were in sight."""
+        for followed in sorted(targets, key=lambda one: not _seen(one.update)):
             yield from self.hardware.spend("track_update")
             self._follow(followed)
-        return looked
 
     def _keep(self, seen: list[Followed]) -> Doing[None]:
         """Keep a pair of the nearest of the targets in sight, by which the pose is found again."""

@@ -96,7 +96,7 @@ def subframe(hardware: Hardware, targets: Targets, tracker: str = "") -> Reperto
     )
     own = make_tracker(tracker or "ncc-narrow", aids)
     finder = PoseFinder(hardware, wide, MastCameras(hardware, window_px=None))
-    follower = TargetFollower(hardware, targets, cameras, own, finder=finder)
+    follower = TargetFollower(hardware, targets, cameras, own, cadence=CADENCE, finder=finder)
     driving = Driving(hardware, ScannedSight(hardware), follower)
     eyes = HazardEyes(hardware, wide, own.beside if isinstance(own, FindsBeside) else None)
     handoff = TestedHandoff(eyes, KinematicHandoff(hardware, cameras))
