@@ -19,7 +19,7 @@ from rover_iface.cameras.model import Array, CameraModel
 from rover_iface.cameras.panorama import Panorama, StereoWedge, wedge_pans
 from rover_iface.cameras.rig import rig_of
 from rover_iface.errors import CameraError, TrackerError
-from rover_iface.vision.tracker import StereoView
+from rover_iface.vision.tracker import Image, StereoView
 
 SUBFRAME_PX = 161
 RIGHT_MARGIN_PX = 60
@@ -46,8 +46,37 @@ class Sighting:
 
     @cached_property
     def view(self) -> StereoView:
-        """Return the pair as a tracker gets it, its pictures read out."""
-        return StereoView(self.left.unit, self.right.unit, *self.cameras, self.t_s, self.travelled_m)
+        """Return the pair as a tracker gets it."""
+        return _TakenView.of(self)
+
+
+class _TakenView(StereoView):
+    """A pair whose pictures are read out when they are first looked at: a tracker that has given a target up
+    looks at none.
+    """
+
+    @classmethod
+    def of(cls, taken: Sighting) -> StereoView:
+        """Return what was taken, without a look at it."""
+        view = object.__new__(cls)
+        left, right = taken.cameras
+        view.__dict__.update(
+            taken=taken, left_camera=left, right_camera=right, t_s=taken.t_s, travelled_m=taken.travelled_m
+        )
+        return view
+
+    @cached_property
+    def left(self) -> Image:
+        return self._taken.left.unit
+
+    @cached_property
+    def right(self) -> Image:
+        return self._taken.right.unit
+
+    @property
+    def _taken(self) -> Sighting:
+        taken: Sighting = self.__dict__["taken"]
+        return taken
 
 
 class MastCameras:

@@ -65,7 +65,7 @@ class StereoView:
 
     def shows(self, at: Array, margin_px: float) -> bool:
         """Return whether a pixel (2,) lies so far inside the left image; one that is not finite does not."""
-        height, width = self.left.shape
+        height, width = self.left_camera.height, self.left_camera.width
         return bool(
             margin_px <= at[0] <= width - 1 - margin_px and margin_px <= at[1] <= height - 1 - margin_px
         )

@@ -81,9 +81,11 @@ def test_a_pair_that_is_kept_is_drawn_when_it_is_asked_as_it_was_taken(world: Pa
         camera = rover.truth.camera(sighting.left.number)
         standing = rover.body.eye
         moved(rover, 0.3, 0.2, 20.0)
-        assert drawn == []
         view = sighting.view
         assert sighting.view is view
+        assert view.shows(np.asarray(view.left_camera.project(point)), 10.0)
+        assert drawn == []
+        assert view.right is sighting.right.unit
         assert len(drawn) == 2
     sensor = rover.hardware.rig.mounted("navcam_left").sensor
     taken, now = (eye.render(camera, None, sun, sensor=sensor) for eye in (standing, rover.body.eye))

@@ -1,4 +1,4 @@
-"""Compiled kernel: normals of bodies with edges."""
+"""Compiled kernels: normals of smooth bodies and of such with edges."""
 
 from __future__ import annotations
 
@@ -10,6 +10,31 @@ from numba import njit
 
 F64 = npt.NDArray[np.float64]
 I64 = npt.NDArray[np.int64]
+
+
+@njit(cache=True, nogil=True)
+def smooth(vertices: F64, triangles: I64, out: F64) -> None:
+    """Fill unit normals `out` [n, 3] of `vertices` [n, 3]: the area-weighted mean of the `triangles` [m, 3]
+    round each, upwards where there is none.
+    """
+    out[:] = 0.0
+    for k in range(triangles.shape[0]):
+        a, b, c = vertices[triangles[k, 0]], vertices[triangles[k, 1]], vertices[triangles[k, 2]]
+        ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+        wx, wy, wz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+        x, y, z = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
+        for corner in range(3):
+            n = triangles[k, corner]
+            out[n, 0] += x
+            out[n, 1] += y
+            out[n, 2] += z
+    for n in range(out.shape[0]):
+        length = math.sqrt(out[n, 0] * out[n, 0] + out[n, 1] * out[n, 1] + out[n, 2] * out[n, 2])
+        if length > 0.0:
+            longest = max(length, 1e-30)
+            out[n, 0], out[n, 1], out[n, 2] = out[n, 0] / longest, out[n, 1] / longest, out[n, 2] / longest
+        else:
+            out[n, 0], out[n, 1], out[n, 2] = 0.0, 0.0, 1.0
 
 
 @njit(cache=True, nogil=True)

@@ -297,11 +297,15 @@ class _Painter:
             self.stones,
             light.reshape(-1),
         )
-        met = prim >= 0
-        shape = height, width
-        truth.range_m[band] = np.where(met, far, np.inf).reshape(shape)
-        truth.object_index[band] = np.where(met, scene.objects[np.maximum(prim, 0)], -1).reshape(shape)
-        truth.lit[band] = (lit > 0).reshape(shape)
+        shade.tell(
+            far,
+            prim,
+            lit,
+            scene.objects,
+            truth.range_m[band].reshape(-1),
+            truth.object_index[band].reshape(-1),
+            truth.lit[band].reshape(-1),
+        )
 
 
 def _in_site(camera: CameraModel, pose: Pose | Transform | None) -> CameraModel:

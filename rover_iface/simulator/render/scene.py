@@ -200,13 +200,11 @@ def _check_mesh(v: Array, t: npt.NDArray[np.int64], name: str) -> None:
 
 def _vertex_normals(v: Array, t: npt.NDArray[np.int64]) -> Array:
     """Return unit normals (n, 3), the area-weighted mean of the triangles round each vertex."""
-    face = np.cross(v[t[:, 1]] - v[t[:, 0]], v[t[:, 2]] - v[t[:, 0]])
-    normals = np.stack(
-        [np.bincount(t.ravel(), weights=np.repeat(face[:, axis], 3), minlength=len(v)) for axis in range(3)],
-        axis=1,
-    )
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.asarray(np.where(length > 0, normals / np.maximum(length, 1e-30), [0.0, 0.0, 1.0]))
+    from rover_iface.simulator.render.normals import smooth
+
+    normals = np.empty_like(v)
+    smooth(v, t, normals)
+    return normals
 
 
 def _creased_normals(corners: Array, t: npt.NDArray[np.int64], crease_rad: float) -> Array:

@@ -128,6 +128,28 @@ def surface(
 
 
 @njit(cache=True, nogil=True)
+def tell(
+    tfar: F32,
+    prim: I32,
+    lit: F32,
+    objects: I32,
+    range_m: F32,
+    object_index: I32,
+    is_lit: npt.NDArray[np.bool_],
+) -> None:
+    """Fill what n rays met: range, m, infinite for the sky, number of the body, -1 for the sky, and whether
+    the sun reaches it.
+
+    `tfar` (m), `prim` and `lit` [n] are those of `surface`, `objects` [triangles] is the body of each.
+    """
+    for n in range(prim.shape[0]):
+        met = prim[n] >= 0
+        range_m[n] = tfar[n] if met else np.inf
+        object_index[n] = objects[prim[n]] if met else -1
+        is_lit[n] = lit[n] > 0.0
+
+
+@njit(cache=True, nogil=True)
 def radiance(
     tfar: F32,
     prim: I32,
