@@ -24,16 +24,14 @@ from planner.tally import SECONDS, Step, now_s
 GRIDS = tuple((nt, nt * 7 // 12) for nt in (25, 33, 49, 65, 97, 145, 193, 257, 385, 513, 769))
 """Nodes in time and energy of a table that rounds down."""
 
-CLOSE_GRIDS = tuple(
-    (nt, nt * 7 // 6) for nt in (25, 29, 33, 37, 41, 45, 49, 53, 57, 65, 73, 81, 97, 129, 161)
-)
+CLOSE_GRIDS = tuple((nt, nt * 7 // 6) for nt in dict.fromkeys(int(25 * 1.045**k) for k in range(43)))
 """Those of a table of functions above the value: drives scatter less in energy than in time, and each takes a
-third more than the one before, so that little of a limit is left over."""
+seventh more than the one before, so that little of a limit is left over."""
 
 CLOSE_FROM_S, DOWN_SHARE = 1.0, 0.15
 """Limit from which both tables are made, and the share of it for the one that rounds down: it is closer where
-amounts scatter little, and what it leaves is for the other. Where the other is the finest there is, the rest
-of the limit is for this one. By hand."""
+amounts scatter little. It comes first, and what it leaves is for the other; where that is the finest there
+is, the rest of the limit is for a finer one that rounds down. By hand."""
 
 TABLE_MB = 1200.0
 """Largest table of a bound, in single precision, MB. By hand: a worker is to stay well below 4 GB."""
@@ -137,15 +135,15 @@ def upper_bound(
     for live in every:
         here = sum(1 for p in range(1, model.n + 1) if int(model.target_bits[p]) & live.bits)
         drives += (4 * here + model.n) * model.n // 4  # those that win nothing are looked at once
+    down, above = _rounded_down(model, drives), _above(model, drives)
     close = limit_s >= CLOSE_FROM_S
-    found, down_s = [], limit_s
+    found = [_by_table(down, len(every), limit_s * (DOWN_SHARE if close else 1.0))]
     if close:
-        above = _above(model, drives)
-        found.append(_by_table(above, len(every), limit_s * (1.0 - DOWN_SHARE)))
-        down_s *= DOWN_SHARE
-        if found[0] is not None and found[0].nodes == above.sizes[0]:  # as fine as it gets: the rest is free
-            down_s = max(down_s, limit_s - above.seconds(*above.sizes[0]))
-    found.append(_by_table(_rounded_down(model, drives), len(every), down_s))
+        left_s = limit_s - down.taken_s(found[0])
+        finest = _by_table(above, len(every), left_s)
+        found.append(finest)
+        if finest is not None and finest.nodes == above.sizes[0]:
+            found.append(_by_table(down, len(every), left_s - above.taken_s(finest)))
     tables = [bound for bound in found if bound is not None]
     return min([best, *tables], key=lambda bound: bound.value) if tables else relaxed()
 
@@ -167,6 +165,10 @@ class _Tables:
     sizes: tuple[tuple[int, int], ...]
     seconds: Callable[[int, int], float]
     grid: Callable[[int, int], Grid]
+
+    def taken_s(self, found: Bound | None) -> float:
+        """Return what a bound by such a table takes."""
+        return 0.0 if found is None or found.nodes is None else self.seconds(*found.nodes)
 
 
 def _rounded_down(model: Model, drives: int) -> _Tables:

@@ -17,8 +17,9 @@ that expectation may bulge between the nodes. What is given away is of second or
    g it is linear in g, as w is. The expectation over the energy then is as in 1 of that bilinear function.
 3. *Ending within the budgets.* What an action earns and the overrun cost that it does not meet are won with
    the chance P(t, g) that it ends within both budgets. P falls in t and g. It is worked out, rounded up, on
-   cells finer by `FINER`, and raised at the nodes until its chords are above it there too. What is worth
-   something after the action is the value, which is 0 over the budgets: no edge is left in w.
+   cells finer by `FINER`, and raised at the nodes until its chords are above it there too, by as little as
+   that takes and not above 1 (`least_above`). What is worth something after the action is the value, which
+   is 0 over the budgets: no edge is left in w.
 4. *Windows.* An observation waits for the light: before it opens all is as at that instant, and so it is
    taken to be up to the node behind; for that the values are made to fall. It may begin up to the node
    behind the end of the light.
@@ -28,16 +29,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from functools import cache
 from typing import Any
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from planner.evaluate.grid import Grid, Rounding, mean_above, probability_below, toeplitz, weights_from
 from planner.evaluate.model import Floats, Model
 from planner.tally import SECONDS, Step, spend
+
+Singles = NDArray[np.float32]
 
 FINER = 6
 """Cells to a cell of the grid on which the chance to end within the budgets is worked out. By hand."""
@@ -45,10 +48,16 @@ FINER = 6
 MOST_FINE = 400
 """Cells of time to which those are kept: more take longer than the table."""
 
-TURNS = 3
-"""Rounds in which the nodes of a chance are raised. By hand: more win less than they take."""
+TURNS = 16
+"""Rounds in which the nodes of a chance are raised, the last of which may raise some above 1. By hand."""
 
-ENDS, RAISES = 24, 12
+LITTLE = 1e-6
+"""Chance by which a node is not lowered: single precision is not finer. By hand."""
+
+NOISE = 1e-9
+"""Chance by which a chord may seem too low: a hundredth of what chances are raised by for rounding."""
+
+ENDS, RAISES = 24, 8
 """Elements (`Step.ELEMENT`) that one fine node takes, once for each drive, and once more for each number of
 tracks. By hand, by processor seconds."""
 
@@ -86,11 +95,105 @@ def _steepest(mu: float, sigma: float) -> float:
     return float(np.max(density * np.abs(1.0 + z / sigma)))
 
 
-@cache
-def _between(nodes: int, finer: int) -> Floats:
-    """Return the weights of nodes at the fine nodes between them."""
-    at = np.arange((nodes - 1) * finer + 1) / finer
-    return np.maximum(0.0, 1.0 - np.abs(at[:, None] - np.arange(nodes)))
+@njit(cache=True, nogil=True)
+def _chord(nodes: Floats, i: int, j: int, x: float, y: float) -> float:
+    """Return what is between the nodes of a cell at shares of it in [0, 1]."""
+    low = nodes[i, j] + y * (nodes[i, j + 1] - nodes[i, j])
+    high = nodes[i + 1, j] + y * (nodes[i + 1, j + 1] - nodes[i + 1, j])
+    return low + x * (high - low)
+
+
+@njit(cache=True, nogil=True)
+def _missing(nodes: Floats, fine: Singles, bulge: float, finer: int, i: int, j: int) -> float:
+    """Return by how much the chord of a cell of nodes has to rise, at most 0 where it is above everywhere.
+
+    On a fine cell it is above where its upper corner is above the function at the lower one, since both fall,
+    or where all corners are above it and its bulge.
+    """
+    most = -1.0
+    for a in range(finer):
+        for b in range(finer):
+            short = fine[i * finer + a, j * finer + b] - _chord(nodes, i, j, (a + 1) / finer, (b + 1) / finer)
+            if short <= most:
+                continue
+            over = -1.0
+            for p in range(a, a + 2):
+                for q in range(b, b + 2):
+                    chord = _chord(nodes, i, j, p / finer, q / finer)
+                    over = max(over, fine[i * finer + p, j * finer + q] - chord)
+            most = max(most, min(short, over + bulge))
+    return most
+
+
+@njit(cache=True, nogil=True)
+def _room(
+    nodes: Floats, fine: Singles, bulge: float, finer: int, cell: tuple[int, int], node: tuple[int, int]
+) -> float:
+    """Return by how much one node of a cell may fall and leave its chord above, by the same conditions."""
+    i, j = cell
+    least = np.inf
+    for a in range(finer):
+        for b in range(finer):
+            x, y = (a + 1) / finer, (b + 1) / finer
+            weight = (x if node[0] > i else 1.0 - x) * (y if node[1] > j else 1.0 - y)
+            spare = _chord(nodes, i, j, x, y) - fine[i * finer + a, j * finer + b] + NOISE
+            if spare >= least * weight and spare >= 0.0:
+                continue
+            by_corner = spare / weight if weight > 0.0 else (np.inf if spare >= 0.0 else -np.inf)
+            by_all = np.inf
+            for p in range(a, a + 2):
+                for q in range(b, b + 2):
+                    x, y = p / finer, q / finer
+                    weight = (x if node[0] > i else 1.0 - x) * (y if node[1] > j else 1.0 - y)
+                    spare = _chord(nodes, i, j, x, y) - fine[i * finer + p, j * finer + q] - bulge + NOISE
+                    if spare < 0.0:
+                        by_all = -np.inf
+                    elif weight > 0.0:
+                        by_all = min(by_all, spare / weight)
+            least = min(least, max(by_corner, by_all))
+    return least
+
+
+@njit(cache=True, nogil=True)
+def least_above(fine: Singles, bulge: float, finer: int) -> Floats:
+    """Return nodes, (nt, ng), whose chords are above chances given at fine nodes that fall in both axes.
+
+    Between fine nodes they bulge by `bulge` at most. Nodes beside a chord that is too low are raised, none
+    above 1 while a neighbour can be raised: a node above the others would be a time and an energy that
+    a policy gains by meeting. Then each falls as far as it may, those of the largest chances first.
+    """
+    nt, ng = (fine.shape[0] - 1) // finer + 1, (fine.shape[1] - 1) // finer + 1
+    nodes = fine[::finer, ::finer].astype(np.float64)
+    rise = np.zeros((nt, ng))
+    asked = np.ones((nt - 1, ng - 1), np.bool_)
+    for turn in range(TURNS):
+        rise[:] = 0.0
+        for i in range(nt - 1):
+            for j in range(ng - 1):
+                if not asked[i, j]:
+                    continue
+                missing = _missing(nodes, fine, bulge, finer, i, j)
+                asked[i, j] = missing > NOISE
+                if asked[i, j]:
+                    for p in range(i, i + 2):
+                        for q in range(j, j + 2):
+                            rise[p, q] = max(rise[p, q], missing)
+        if not asked.any():
+            break
+        for i in range(nt):
+            for j in range(ng):
+                more = nodes[i, j] + rise[i, j]
+                nodes[i, j] = more if turn == TURNS - 1 else min(more, max(nodes[i, j], 1.0))
+    for i in range(nt):
+        for j in range(ng):
+            room = nodes[i, j] - fine[i * finer, j * finer]
+            for p in range(max(0, i - 1), min(nt - 1, i + 1)):
+                for q in range(max(0, j - 1), min(ng - 1, j + 1)):
+                    if room > LITTLE:
+                        room = min(room, _room(nodes, fine, bulge, finer, (p, q), (i, j)))
+            if room > LITTLE:
+                nodes[i, j] -= room - LITTLE
+    return nodes
 
 
 @njit(cache=True, nogil=True)
@@ -248,27 +351,12 @@ class Majorant(Grid):
         found = np.maximum.accumulate(np.maximum.accumulate(found[::-1, ::-1], 0), 1)[::-1, ::-1]
         return (found + 1e-7).astype(np.float32), (steep * step_t**2 + steep_g * step_g**2) / 8.0
 
-    def _raised(self, fine: Floats, bulge: float) -> Any:
+    def _least_above(self, fine: Any, bulge: float) -> Any:
         """Return the nodes of a function above one that falls, given at the fine nodes, and bulges so much
         between them.
         """
-        r, nodes = self._fine, fine[:: self._fine, :: self._fine]
-        up_t, up_g = (_between(count, r) for count in self.shape)
-        for turn in range(TURNS):
-            chord = up_t @ nodes @ up_g.T
-            over = fine - chord
-            over = np.maximum(over[:-1], over[1:])
-            over = np.maximum(over[:, :-1], over[:, 1:])
-            missing = np.minimum(fine[:-1, :-1] - chord[1:, 1:], over + bulge)
-            around = np.zeros((self.nt + 1, self.ng + 1))
-            around[1:-1, 1:-1] = missing.reshape(self.nt - 1, r, self.ng - 1, r).max(axis=(1, 3))
-            around = np.maximum(around[1:], around[:-1])
-            around = np.maximum(around[:, 1:], around[:, :-1])
-            # a chance needs no node above 1 if its neighbours are raised instead; the last turn asks no more
-            most = np.maximum(nodes, 1.0) if turn < TURNS - 1 else np.inf
-            nodes = np.minimum(nodes + np.maximum(around, 0.0), most)
         spend(Step.ELEMENT, RAISES * fine.size)
-        return nodes.astype(self.dtype)
+        return least_above(fine, bulge, self._fine).astype(self.dtype)
 
     def leg_within(self, a: int, b: int, tracked: int) -> Any:
         """Return the chance that a drive ends within both budgets: nodes of a function above it, (nt, ng)."""
@@ -281,7 +369,7 @@ class Majorant(Grid):
             late = min(late, len(fine))  # the tracks alone may take longer than the day
             moved = np.zeros_like(fine)
             moved[: len(fine) - late] = fine[late:]
-            self._leg_within[key] = self._raised(moved, bulge)
+            self._leg_within[key] = self._least_above(moved, bulge)
         return self._leg_within[key]
 
     def obs_within(self, m: int) -> Any:
@@ -292,7 +380,7 @@ class Majorant(Grid):
             if opens > 0.0:
                 until = min(int(opens * self._fine / self.step_t), len(fine) - 1)
                 fine[:until] = fine[until]
-            self._obs_within[m] = self._raised(fine, bulge)
+            self._obs_within[m] = self._least_above(fine, bulge)
         return self._obs_within[m]
 
     # ------------------------------------------------------------------------------------- one action

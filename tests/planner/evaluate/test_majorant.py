@@ -10,7 +10,7 @@ import pytest
 from planner.contingency.bounds import ABOVE, upper_bound
 from planner.contingency.policy import Moves, Policy
 from planner.evaluate.grid import Grid, Rounding
-from planner.evaluate.majorant import Majorant
+from planner.evaluate.majorant import Majorant, least_above
 from planner.evaluate.model import Floats, Model
 from tests.planner.examples import example
 from tests.planner.reference.optimum import optimum
@@ -65,6 +65,32 @@ def test_between_nodes_no_expectation_is_above(spread: float, nodes: tuple[int, 
             above = float(_at(grid, values + model.penalty, np.array([t]), np.array([g]))[0]) - model.penalty
             unseen = 8.0 / DRAWS * (model.penalty + worth + 10.0)  # an overrun may be too rare for any draw
             assert above >= got.mean() - 4.0 * got.std() / DRAWS**0.5 - unseen
+
+
+@pytest.mark.parametrize("steep", [0.7, 3.0, 20.0])
+def test_chances_are_raised_as_little_as_chords_allow_and_none_above_1(steep: float) -> None:
+    """Of chances to end that fall in both axes, between gently and at once, and bulge a little."""
+    finer, shape, bulge = 4, (9, 7), 1e-3
+    at = [np.arange((count - 1) * finer + 1) / finer for count in shape]
+    rest = 6.3 - at[0][:, None] - 0.8 * at[1]
+    fine = (1.0 / (1.0 + np.exp(-steep * rest))).astype(np.float32)
+    nodes = least_above(fine, bulge, finer)
+
+    def holds(nodes: Floats) -> bool:
+        """Whether on each fine cell the upper corner is above the lower one's chance, or all above theirs."""
+        rows = np.array([np.interp(at[0], range(shape[0]), column) for column in nodes.T]).T
+        chord = np.array([np.interp(at[1], range(shape[1]), row) for row in rows])
+        over = chord - fine - bulge
+        every = np.min([over[:-1, :-1], over[1:, :-1], over[:-1, 1:], over[1:, 1:]], axis=0)
+        return bool(np.all((chord[1:, 1:] >= fine[:-1, :-1] - 1e-9) | (every >= -1e-9)))
+
+    assert holds(nodes)
+    assert nodes.max() <= 1.0 + 1e-2  # noise of the last turn
+    assert np.all(nodes >= fine[::finer, ::finer] - 1e-9)
+    for i, j in np.argwhere(nodes > fine[::finer, ::finer] + 1e-3):
+        less = nodes.copy()
+        less[i, j] -= 1e-3
+        assert not holds(less), (i, j)
 
 
 @pytest.mark.parametrize("family", FAMILIES)
