@@ -241,7 +241,7 @@ def _route(
         + model.drive_factor * length / rover.speed_m_s * (1.0 + model.slope_gain * uphill)
         + model.turn_factor * turn / rover.turn_rate_rad_s
     )
-    mean_j = model.energy_factor * rover.drive_power_w * mean_s
+    mean_j = model.fixed_j + model.energy_factor * rover.drive_power_w * mean_s
     mean_j += rover.mass_kg * rover.gravity_m_s2 * climb / rover.climb_efficiency
     costs = {
         "length_m": length,

@@ -5,7 +5,7 @@ A leg of length L (m), total turn R (rad), mean uphill slope tangent U and rise 
     duration  mean = fixed_s + drive_factor * (L / speed) * (1 + slope_gain * U)
                      + turn_factor * (R / turn_rate)
               sd   = duration_cv * mean
-    energy    mean = energy_factor * drive_power * mean duration + mass * gravity * C / efficiency
+    energy    mean = fixed_j + energy_factor * drive_power * mean duration + mass * gravity * C / efficiency
               sd   = energy_cv * mean
     loss      p    = 1 - exp(-(inside_per_m * x_in + outside_per_m * x_out + occluded_per_m * x_occ
                                + arrival_rate * own)), own = 1 for the target that the leg leads to, else 0
@@ -51,9 +51,10 @@ class Calibration:
     standard errors of the fitted rates; 0 for a rate that was not fitted. `day_time_sd` and `day_energy_sd`
     are 0 unless days differ for sure, `_se` their standard errors, `days` how many they rest on.
     `track_s` is what a drive takes longer for each target that is tracked on it; None leaves the rover's
-    figure. `arrival_rate` is of tracks lost by coming near: the target fills the view, and shows sides that
-    were not seen before. `activities` holds what was learned of the others, by instrument; the rest are as
-    the rover's profile has them.
+    figure. `fixed_j` is fitted with it: looks at targets use energy too, and the planner's problem has no
+    place for it but the drive. `arrival_rate` is of tracks lost by coming near: the target fills the view,
+    and shows sides that were not seen before. `activities` holds what was learned of the others, by
+    instrument; the rest are as the rover's profile has them.
     """
 
     name: Text
@@ -84,6 +85,7 @@ class Calibration:
     day_energy_se: NotNegative = 0.0
     days: Count = 0
     track_s: NotNegative | None = None
+    fixed_j: NotNegative = 0.0
     arrival_rate: NotNegative = 0.0
     arrival_se: NotNegative = 0.0
     activities: tuple[ActivityFit, ...] = ()
@@ -338,11 +340,12 @@ def fit_calibration(
     mean_s = features @ np.asarray(time_fit.coefficients)
     drive_s = np.maximum(features[:, :3] @ np.asarray(time_fit.coefficients[:3]), 1e-9)
     time_cv = time_fit.cv * math.sqrt(float(np.mean(np.square(mean_s / drive_s))))  # of the drive alone
-    energy_fit = fit_mean((drive_power_w * drive_s)[:, None], energy)
+    spent = np.column_stack([drive_power_w * drive_s, np.ones_like(length)])[:, : 2 if told else 1]
+    energy_fit = fit_mean(spent, energy)
     time_day = energy_day = NO_FACTOR
     if len(day):
         said_s = np.maximum(mean_s, 1e-9)
-        said_j = np.maximum(energy_fit.coefficients[0] * drive_power_w * drive_s, 1e-9)
+        said_j = np.maximum(spent @ np.asarray(energy_fit.coefficients), 1e-9)
         time_day, energy_day = day_factors(np.log(duration / said_s), np.log(energy / said_j), day)
     rates = [prior.inside_per_m, prior.outside_per_m, prior.occluded_per_m, prior.arrival_rate]
     errors = [0.0, 0.0, 0.0, prior.arrival_se]
@@ -392,6 +395,7 @@ def fit_calibration(
         day_energy_sd=energy_day.between_sd,
         day_energy_se=energy_day.error,
         days=max(time_day.days, energy_day.days),
+        fixed_j=energy_fit.coefficients[1] if told else prior.fixed_j,
         arrival_rate=rates[3],
         arrival_se=errors[3],
         track_s=time_fit.coefficients[3] if told else prior.track_s,

@@ -23,7 +23,7 @@ CALIBRATIONS = Codec(
 FAILURES = ("fail_per_m", "fail_se_per_m", "failures")
 DAYS = ("day_time_sd", "day_time_se", "day_energy_sd", "day_energy_se", "days")
 """Members of which `calibration/1` knows nothing."""
-LEARNED = ("track_s", "arrival_rate", "arrival_se", "activities")
+LEARNED = ("track_s", "fixed_j", "arrival_rate", "arrival_se", "activities")
 """Members of which `calibration/2` knows nothing."""
 
 

@@ -84,6 +84,20 @@ def test_what_a_track_adds_to_a_drive_is_fitted_where_their_number_differs() -> 
     assert found.duration_cv == pytest.approx(0.0, abs=1e-6)
 
 
+def test_energy_that_goes_with_looks_is_not_left_out_of_the_sum() -> None:
+    rng = np.random.default_rng(12)
+    length, tracks = rng.uniform(1, 12, 900), rng.integers(1, 4, 900).astype(float)
+    seconds = 130 + 145 * length + 585 * tracks
+    joules = 29.0 * seconds * rng.lognormal(-0.02, 0.2, 900)
+    found = fit_calibration(
+        name="run", source="drawn", prior=K9_CALIBRATION, length_m=length, turn_rad=np.zeros(900),
+        duration_s=seconds, energy_j=joules, speed_m_s=0.06, turn_rate_rad_s=0.1, drive_power_w=105.0,
+        tracked=tracks,
+    )  # fmt: skip
+    said = found.fixed_j + found.energy_factor * 105.0 * (found.fixed_s + found.drive_factor * length / 0.06)
+    assert said.sum() == pytest.approx(joules.sum(), rel=0.03)
+
+
 def test_as_many_tracks_on_every_drive_leave_the_figure_that_was_believed() -> None:
     found = _fitted([3.0] * 60, 45.0)
     assert found.track_s is None
