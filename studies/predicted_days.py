@@ -42,7 +42,7 @@ from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import simulate
 from planner.path_network import CALIBRATIONS, Calibration
 from planner.plan_tree import Plan
-from planner.problem import START, Problem
+from planner.problem import START, Problem, TargetId
 from rover_iface.terrain import generate_terrain
 from studies.common.asked_days import PROFILE, PlannedDay, flown, planned_day
 from studies.common.day_fates import fates, node_of, results
@@ -166,7 +166,9 @@ def prediction(problem: Problem, plan: Plan, seed: int) -> dict[str, Any]:
     toss the coins, each is made worth a power of two, so that a future's utility tells which were made.
     """
     model = Model.of(problem)
-    bits = replace(model, utility=2.0 ** np.arange(model.m), p_success=np.ones(model.m), penalty=0.0)
+    bits = replace(
+        model, utility=np.exp2(np.arange(model.m, dtype=np.float64)), p_success=np.ones(model.m), penalty=0.0
+    )
     futures = simulate(bits, plan, FUTURES, seed=seed, threads=1)
     made = (futures.utility.astype(np.int64)[:, None] >> np.arange(model.m)) & 1
     coins = np.random.default_rng([seed, 0xC01]).random(made.shape)
@@ -211,7 +213,7 @@ def drives(problem: Problem, legs: Sequence[DrivenLeg]) -> Iterator[dict[str, An
                 "arrived": leg.arrived,
                 "tracks": len(leg.tracks),
                 "lost": sum(track.lost for track in leg.tracks),
-                "said_lost": math.fsum(said.p_lose.get(t, 0.0) for t in (t.target for t in leg.tracks)),
+                "said_lost": math.fsum(said.p_lose.get(TargetId(track.target), 0.0) for track in leg.tracks),
                 "said_s": said.time_s.mean + overhead_s,
                 "took_s": leg.duration_s,
                 "said_j": said.energy_j.mean,
@@ -435,7 +437,7 @@ def main() -> None:
     print(text)
     if arguments.docs is not None:
         plot(days, arguments.docs / "img" / "predicted-days.png")
-        write_section(arguments.docs, "simulator", "predicted-days", text)
+        write_section(arguments.docs, "predicted-days", "days", text)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from planner.plan_tree import Navigate, Observe, OnFail, TrackStart
+from planner.plan_tree import Navigate, Observe, OnFail, Plan, TrackStart
 from planner.problem import ObservationId, Problem, TargetId, problem_from_dict
 from studies.predicted_days import TRAIN_BELOW, pit_of, prediction, quantile, ratio, shares, trained
 
@@ -70,7 +70,7 @@ def _by_hand() -> dict[float, float]:
 
 def test_the_predicted_utilities_are_those_of_all_that_may_happen() -> None:
     target = TargetId("T1")
-    plan = (
+    plan: Plan = (
         TrackStart(target),
         Navigate(target),
         *(Observe(ObservationId(f"O{k}"), target, OnFail.SKIP) for k in range(3)),
