@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from rover_iface.behaviour.action import Doing
+from rover_iface.behaviour.following import Followed
 from rover_iface.behaviour.hardware import Look, Picture
 from rover_iface.behaviour.mast_cameras import SUBFRAME_PX
 from rover_iface.contract import write_contract_world
@@ -171,3 +173,38 @@ def test_a_target_that_nothing_shows_stays_where_the_ground_has_it(
     assert off_m < 0.2
     gap = place - true
     assert float(gap @ np.linalg.solve(covariance, gap)) < 16.27
+
+
+def test_a_far_target_is_looked_at_by_cadence_and_before_the_pose_is_doubted(
+    world: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rover = make_rover(world, seed=4)
+    for name in ("T1", "T2"):
+        assert do(rover, "trackstart", target=name).success
+    follower, looked, doubted = rover.repertoire.follower, list[str](), list[TrackState]()
+    follow = follower._follow
+
+    def noted(followed: Followed) -> None:
+        looked.append(followed.target.id)
+        follow(followed)
+        if followed.target.id == "T1":
+            lost = replace(followed.update, state=TrackState.LOST, pixel=np.full(2, np.nan))
+            follower.tell(followed, lost, None)
+
+    def doubt(_finder: object) -> Doing[None]:
+        doubted.append(follower.state("T2"))
+        yield from ()
+
+    monkeypatch.setattr(follower, "_follow", noted)
+    monkeypatch.setattr(follower, "_find_pose", doubt)
+    # the third time T1 is lost, and T2, not due, says that the pose is right
+    for east_m, due in ((0.05, []), (0.6, ["T1", "T2"]), (0.05, ["T1", "T2"])):
+        looked.clear()
+        here = rover.body.chassis.believed
+        moved(rover, east_m, 0.0, 0.0)
+        rover.body.chassis.believed = replace(here, x=here.x + east_m)
+        follower.hardware.tell_pose()
+        for _ in follower.update_all():
+            pass
+        assert sorted(looked) == due
+    assert not doubted
