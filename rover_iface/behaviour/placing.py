@@ -24,6 +24,7 @@ from rover_iface.behaviour.mast_cameras import MastCameras
 from rover_iface.behaviour.products import picture_label, png
 from rover_iface.cameras.model import Array
 from rover_iface.errors import CameraError, RenderError, RoverError, TrackerError
+from rover_iface.vision.correlation.judging import ASTRAY
 from rover_iface.vision.tracker import TrackUpdate
 
 MOST_OFF_M = 0.02
@@ -109,11 +110,22 @@ class TestedHandoff:
         return (self.eyes if method else self.by_mast).hand_off(followed, method)
 
     def at_this_stop(self, followed: Followed) -> HandedOff:
-        """See `Handoff`."""
+        """See `Handoff`; where the hazcams contradict track and mast nothing tells which of them is wrong."""
+        tracked = self.by_mast.at_this_stop(followed)
         try:
-            return self.eyes.at_this_stop(followed)
+            handed = self.eyes.at_this_stop(followed)
         except (TrackerError, CameraError, RenderError):
-            return self.by_mast.at_this_stop(followed)
+            return tracked
+        gap = handed.update.position - tracked.update.position
+        # what the track is off is in both
+        open_m2 = tracked.update.covariance + handed.update.covariance - followed.update.covariance
+        if float(gap @ np.linalg.solve(open_m2, gap)) > ASTRAY:
+            off_cm = 100.0 * float(np.linalg.norm(gap))
+            name = followed.target.id
+            raise TrackerError(
+                f"the hazard cameras have target {name} {off_cm:.1f} cm from where track and mast have it"
+            )
+        return handed
 
 
 def require_known(followed: Followed, arm_m: float) -> None:

@@ -431,3 +431,29 @@ def test_a_point_designated_in_a_picture_is_where_later_pictures_show_it(
 
     assert off_px(point) > 5.0
     assert off_px(designated(rover.body, bias, point)) < 0.5
+
+
+def test_a_hand_off_that_track_and_mast_contradict_is_refused(
+    world: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One was 25 mm off along the line of sight, its track 6 mm (149562680 T3); 20 right ones, 10 at most."""
+    rover = make_rover(world, seed=4)
+    assert do(rover, "trackstart", target="T1").success
+    followed = rover.repertoire.follower.followed["T1"]
+    handoff: Any = rover.repertoire.placing.handoff
+    track = followed.update = replace(followed.update, covariance=0.003**2 * np.eye(3))
+    ray = track.position - followed.view.left_camera.C
+    along = ray / np.linalg.norm(ray)
+    aside = np.array([-along[1], along[0], 0.0])
+
+    def handed(off: np.ndarray) -> Any:
+        seen = replace(
+            track, position=track.position + off, covariance=track.covariance + 0.002**2 * np.eye(3)
+        )
+        monkeypatch.setattr(handoff.eyes, "at_this_stop", lambda _followed: HandedOff(seen, 1.0))
+        return handoff.at_this_stop(followed)
+
+    for off in (0.01 * aside, 0.01 * along):
+        assert handed(off).update.position == pytest.approx(track.position + off)
+    with pytest.raises(TrackerError, match=r"2\.5 cm from where track and mast have it"):
+        handed(0.025 * along)
