@@ -28,19 +28,25 @@ FIRST_STEPS, MORE_STEPS, FIRST_AIM = 6, 14, 0.1
 how far the first step aims below the bound. By hand."""
 
 STEPS, AIM = 10, 0.02
-"""Points looked at with a memory, and how far the first step aims: it begins near the best. By hand."""
+"""Points looked at with a memory at most, and how far the first step aims: it begins near the best."""
 
-FIRST_SHARE, LARGER, LARGEST_SHARE = 1 / 1000, 1.5, 1 / 40
-"""Share of the limit that a question with the first larger memory takes, what each next one may take more,
-and the largest share. Before each the policies so far are followed. By hand, on 15 and 30 targets."""
+LOOKS, ENOUGH = 3, 2e-3
+"""Of so many points in a row the share of the value that must be won, else more memory wins more. By hand: at
+15 targets of seed 8231140 few nodes say 77.7 after 15 s, with ten points for each memory 78.3, and with four
+77.6; at 30 of 7548764 the bound is 112.6 in 21 s, and with four points 113.7."""
 
-LAST = (384, 320, 256, 192)
-"""Nodes of the bound itself, from the closest on: the first with room for a memory. By hand, at 15 targets:
-384 lie 0.2 % above what few nodes say that lie near, 256 0.6 and 192 1.0 %."""
+FIRST_SHARE, LARGER, LEAST_LARGER, LARGEST_SHARE = 1 / 1000, 1.5, 1.15, 1 / 12
+"""Share of the limit that a question with the first larger memory takes, what each next one may take more and
+must take more, and the largest share. Before each the policies so far are followed. By hand, on 15 and 30
+targets."""
 
-LAST_SHARE, MEMORY_ROOM, ROOM = 0.3, 3.0, 0.95
-"""Share of the limit for the bound itself, what a question may take there of one without memory, and how much
-of what is left is used. By hand: 0.4 and 14 points left 0.4 % more at 30 targets of seed 3591266."""
+LAST, USUAL = (384, 320, 256, 192, 160, 128), 160
+"""Nodes of the bound itself, from the closest on, of which the first with room for the memory found are
+taken; and those that the search leaves room for. By hand, at 15 targets of seed 8231140 with a small memory:
+256 lie 0.1 % above 768, 160 0.2 and 128 0.4 %."""
+
+LAST_SHARE, ROOM = 0.3, 0.95
+"""Share of the limit for the bound itself, and how much of what is left is used. By hand."""
 
 MOST_COUNTED = 15
 """Tracks counted: with none that is two registers (`kernels.LANES`). By hand."""
@@ -72,12 +78,13 @@ def ng_bound(model: Model, *, limit_s: float) -> float:
     if not len(wanted.number) or not model.has_leg[:, 1:].any():
         return math.inf
     own = Memory.of((np.nonzero(wanted.place == p)[0].tolist() for p in range(model.n + 1)), {})
-    nodes = _affordable_nodes(model, own, limit_s)
+    nodes = min(USUAL, _finest(model, own, LAST_SHARE * limit_s))
     size = Size.of(model, own, MOST_COUNTED, COARSE)
     if not nodes or (2 * FIRST_STEPS + MORE_STEPS) * size.seconds > limit_s or size.table_mb > LARGEST_MB:
         return math.inf
     found = _searched(model, own, nodes, limit_s)
     left_s = ROOM * (until - now_s())
+    nodes = max(nodes, _finest(model, found.relaxation.memory, left_s))
     limits = [(nodes, MOST_COUNTED, left_s)]
     memory = found.credits.enlarged(found.relaxation.memory, limits, LARGEST_MB)
     actions = Actions.of(model, found.relaxation.weights, nodes, MOST_COUNTED)
@@ -86,13 +93,12 @@ def ng_bound(model: Model, *, limit_s: float) -> float:
     return value + MARGIN * (abs(value) + model.penalty + float(point @ wanted.chance)) + 1e-9
 
 
-def _affordable_nodes(model: Model, own: Memory, limit_s: float) -> int:
-    """Return the nodes of the bound itself; 0 where the limit allows none."""
-    sizes = [(nodes, Size.of(model, own, MOST_COUNTED, nodes)) for nodes in LAST]
-    for room in (MEMORY_ROOM, 1.0):
-        for nodes, size in sizes:
-            if room * size.seconds <= LAST_SHARE * limit_s and size.bound_mb <= LARGEST_MB:
-                return nodes
+def _finest(model: Model, memory: Memory, limit_s: float) -> int:
+    """Return the most nodes of the bound itself that a limit allows with a memory; 0 where it allows none."""
+    for nodes in LAST:
+        size = Size.of(model, memory, MOST_COUNTED, nodes)
+        if size.seconds <= limit_s and size.bound_mb <= LARGEST_MB:
+            return nodes
     return 0
 
 
@@ -114,15 +120,19 @@ def _searched(model: Model, own: Memory, nodes: int, limit_s: float) -> Multipli
     last_s = ROOM * LAST_SHARE * limit_s
     few = not search.relaxation.knows_all
     reserved = WIDER * WIDER_STEPS if few else 0.0
-    while now_s() + (STEPS / 2 + reserved) * each_s < until and each_s <= LARGEST_SHARE * limit_s:
+    while True:
         before = search.relaxation
+        room_s = (until - now_s()) / (LOOKS + reserved)
+        each_s = min(each_s, LARGEST_SHARE * limit_s, room_s)
+        if each_s < LEAST_LARGER * before.size.seconds:
+            break
         limits = [(COARSE, before.most, each_s), (nodes, MOST_COUNTED, last_s)]
         memory = search.credits.enlarged(before.memory, limits, LARGEST_MB)
         if memory == before.memory or Size.of(model, memory, MOST_COUNTED, COARSE).table_mb > LARGEST_MB:
             break
         search.relaxation = NgRelaxation(model, before.actions, memory, few=few)
         stop_s = until - reserved * search.relaxation.size.seconds
-        search.lower(STEPS, AIM, partial(_is_past, stop_s))
+        search.lower(STEPS, AIM, partial(_is_past, stop_s), enough=(LOOKS, ENOUGH))
         each_s *= LARGER
     if few:
         wider = search = _with_all_tracks(model, search)

@@ -38,6 +38,7 @@ class Multipliers:
         self.relaxation, self.credits = relaxation, credits
         self.least = np.full(relaxation.tracks + 1, math.inf)
         self.points = [np.zeros(len(relaxation.wanted.number))] * (relaxation.tracks + 1)
+        self.largest: list[float] = []  # of `least`, after each question of the last search
 
     def with_more_tracks(self, relaxation: NgRelaxation) -> Multipliers:
         """Return them for a relaxation of days with more tracks: theirs are those of the most tracks."""
@@ -45,18 +46,32 @@ class Multipliers:
         wider.points = [self.points[min(k, len(self.points) - 1)] for k in range(len(wider.points))]
         return wider
 
-    def lower(self, steps: int, aim: float, should_stop: Callable[[], bool]) -> None:
+    def lower(
+        self,
+        steps: int,
+        aim: float,
+        should_stop: Callable[[], bool],
+        *,
+        enough: tuple[int, float] = (0, 0.0),
+    ) -> None:
         """Lower the largest of the least values in so many questions, and credit what policies forget.
 
-        The first step of a bundle aims at a share `aim` of the value below.
+        The first step of a bundle aims at a share `aim` of the value below. It ends early where so many
+        questions in a row win less than a share of the value that is `enough`.
         """
         lowered: dict[int, _Lowered] = {}
+        some, share_won = enough
+        self.largest = []
+
+        def little() -> bool:
+            last = self.largest[-some - 1 :]
+            return some > 0 and len(last) > some and last[-1] > (1.0 - share_won) * last[0]
 
         def turned(count: int) -> bool:
-            return should_stop() or int(self.least.argmax()) != count
+            return should_stop() or little() or int(self.least.argmax()) != count
 
         looks = 0
-        while looks < steps and not should_stop():
+        while looks < steps and not (should_stop() or little()):
             count = int(self.least.argmax())
             one = lowered.setdefault(count, _Lowered(Bundle(self.points[count])))
             if one.bundle.lowest_found:
@@ -82,6 +97,7 @@ class Multipliers:
         values = self.relaxation.by_count(prices)
         for lower in np.nonzero(values < self.least)[0]:
             self.least[lower], self.points[lower] = values[lower], prices
+        self.largest.append(float(self.least.max()))
         followed.append(self.credits.followed(self.relaxation, count))
         return float(values[count]), self.relaxation.slope(count)
 

@@ -9,14 +9,16 @@ import math
 import numpy as np
 import pytest
 from scipy.optimize import linprog
+from scipy.special import ndtri
 
 from planner.contingency.by_place import bound
 from planner.contingency.by_place.bound import ng_bound
 from planner.contingency.by_place.bundle import Bundle
 from planner.contingency.by_place.kernels import BLOCK, before_legs, past_block
 from planner.contingency.by_place.layout import Memory, Wanted, legs_of
-from planner.contingency.by_place.masses_above import masses_above
+from planner.contingency.by_place.masses_above import fine_cells, later, masses_above
 from planner.contingency.by_place.memories import Credits
+from planner.contingency.by_place.multipliers import Multipliers
 from planner.contingency.by_place.relaxation import Actions, NgRelaxation
 from planner.contingency.by_place.visited import lengths, weights_at
 from planner.contingency.policy import Moves, Policy
@@ -171,6 +173,41 @@ def test_an_expectation_lies_below_the_chords_between_its_nodes() -> None:
         assert within >= cells[: left + 1].sum() - 1e-6, left
 
 
+@pytest.mark.parametrize("per_j", [0.0, 1.0])
+@pytest.mark.parametrize("spread", [0.0, 0.1, 0.5])
+def test_an_amount_split_between_fine_nodes_stays_below_the_chords(spread: float, per_j: float) -> None:
+    """Of an action that takes 2.3 nodes, with its tracks, for one concave kink and for the end of the day."""
+    steps, knot, longer = 12, 8, 0.37
+    sigma = math.sqrt(math.log1p(spread**2))
+    ln = np.array([math.log(2.3 / steps) - sigma**2 / 2, sigma] * 2)
+    weights = Weights(1.0, per_j, timed=per_j == 0.0)
+    masses = masses_above(
+        [later(fine_cells(ln, weights, steps, 96), longer / steps)], 1, steps + 1, drives=False
+    )
+    rng, draws = np.random.default_rng(8), 40_001
+    quantiles = [
+        np.exp(rng.permutation(ln[0] + sigma * ndtri((np.arange(draws) + 0.5) / draws))) * steps
+        for _ in range(2)
+    ]
+    taken = quantiles[0] + per_j * quantiles[1] + longer
+    kink = np.minimum(0.0, knot - np.arange(steps + 1.0))
+    bulge = np.append(masses.bulge[0], 0.0)
+    node = [
+        masses.hat[0, : steps + 1 - k] @ kink[k:]
+        + (masses.within[0, steps - k] - masses.hat[0, : steps + 1 - k].sum()) * kink[-1]
+        + max(bulge[knot - k], bulge[knot - k - 1] if k < knot else 0.0)
+        for k in range(knot)
+    ]
+    unlucky = 5.0 * (taken.std() if per_j else 0.0) / math.sqrt(draws)  # drawn at random where both are taken
+    for t in np.arange(0.0, 3.0, 0.05):
+        true = float(np.minimum(0.0, knot - np.minimum(t + taken, steps)).mean())
+        assert np.interp(t, range(knot), node) >= true - 1e-4 - unlucky, t
+    for left in np.arange(0.0, steps, 0.05):
+        within = np.interp(left, range(steps + 1), masses.within[0])
+        assert within >= np.mean(taken <= left) - 1e-4 - 5.0 * per_j / math.sqrt(draws), left
+    assert masses.within[0].max() <= 1.0 + 1e-5
+
+
 def test_a_grid_that_only_lies_near_keeps_means() -> None:
     """A drive takes a node at least, since those that begin at a node are worked out before it."""
     rng = np.random.default_rng(6)
@@ -316,6 +353,19 @@ def test_every_count_of_tracks_is_worked_out(count: int) -> None:
     assert relaxation.bound(np.zeros(count)) == pytest.approx(float(relaxation.wanted.worth.sum()), rel=1e-3)
     assert _best_count(relaxation) == count
     assert (relaxation.begun[count].state, relaxation.begun[count].lane) == (0, count)
+
+
+def test_a_search_ends_where_questions_in_a_row_win_too_little() -> None:
+    """After the first and two more, where nothing wins 90 % of the value; else after all that it may ask."""
+    relaxation = _relaxed(
+        Model.of(_day()), Memory.of([[m] if p else [] for p, m in enumerate([-1, *range(6)])])
+    )
+    asked = []
+    for enough in ((2, 0.9), (0, 0.0)):
+        search = Multipliers(relaxation, Credits(relaxation.model))
+        search.lower(7, 0.1, lambda: False, enough=enough)
+        asked.append(len(search.largest))
+    assert asked == [3, 7]
 
 
 def test_a_bundle_finds_the_lowest_point() -> None:
