@@ -241,8 +241,11 @@ def build_obstacles(request: NetworkRequest, keep_outs: tuple[Polygon, ...]) -> 
     if not hard:
         return Obstacles((), (), Polygon(), (), {}, Outline(Polygon())), notes
     bodies = np.array(hard, dtype=object)
-    blocked = _with_clearance(bodies, rover.clearance_m, 0.0, _ARC)
-    if shapely.get_num_coordinates(blocked) > options.maximum_corners:
+    blocked, most = Polygon(), options.maximum_corners
+    few = int(shapely.get_num_coordinates(bodies).sum()) <= most  # clearance hardly leaves out a corner
+    if few:
+        blocked = _with_clearance(bodies, rover.clearance_m, 0.0, _ARC)
+    if not few or shapely.get_num_coordinates(blocked) > most:
         blocked = _with_clearance(bodies, rover.clearance_m, options.outward_m, _FEW_ARC)
     tree = shapely.STRtree(hard)
     places = [request.start, *(p.pose for p in request.observation_points)]
