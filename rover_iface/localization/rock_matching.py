@@ -25,6 +25,11 @@ from rover_iface.localization.rock_extraction import SeenRock
 Array = npt.NDArray[np.float64]
 
 
+BIAS_PX = 0.05
+"""Error of disparity that all rocks of a stop share, px: twice the 0.02 that rendered pairs have on rocks
+(`python -m studies.localization --only noise`), and a little for a rig that is not rendered."""
+
+
 @dataclass(frozen=True, slots=True)
 class LegPrior:
     """What odometry and heading say of a leg: the pose of the second stop's frame in the first's.
@@ -86,9 +91,7 @@ class MatchingOptions:
         hundred rocks a stop the thirty surest are not the same ones seen from the other side, and then every
         pose of the raster seems to fit.
     bias_px, range_factor
-        Error of disparity that all rocks of a stop share, twice what rendered pairs have (0.02 px,
-        `python -m studies.localization --only noise`) and a little for a rig that is not rendered; focal
-        length times base, px m.
+        Error of disparity that all rocks of a stop share, and focal length times base, px m.
     shift_step_m, turn_step_rad
         Raster of poses.
     reach_sigma
@@ -112,7 +115,7 @@ class MatchingOptions:
     sharpness: float = 1.0
     modes: int = 12
     most_rocks: int = 100
-    bias_px: float = 0.05
+    bias_px: float = BIAS_PX
     range_factor: float = 235.4
 
 

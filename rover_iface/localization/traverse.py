@@ -19,7 +19,7 @@ from rover_iface.localization.bundle_adjustment import Adjustment, BundleAdjustm
 from rover_iface.localization.ground_points import GroundPoints
 from rover_iface.localization.leg import FaultLimits, LegResult, localise_leg
 from rover_iface.localization.rock_extraction import SeenRock, extract_rocks
-from rover_iface.localization.rock_matching import LegPrior, MatchingOptions, RockPair
+from rover_iface.localization.rock_matching import BIAS_PX, LegPrior, MatchingOptions, RockPair
 
 Array = npt.NDArray[np.float64]
 FORMAT = "localization/1"
@@ -233,7 +233,7 @@ def _adjusted(
 
 
 def covariance_among(
-    rock: SeenRock, count: int, *, bias_px: float = 0.1, range_factor: float = 235.4
+    rock: SeenRock, count: int, *, bias_px: float = BIAS_PX, range_factor: float = 235.4
 ) -> Array:
     """Return the covariance of a rock for use with others of its stop, whose ranges share a bias.
 
