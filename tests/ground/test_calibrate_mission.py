@@ -133,7 +133,8 @@ def test_it_is_shown_set_and_taken_back_over_the_interface(
     assert "there is no run run_missing" in refused.text
     calibrate_from_folders(api.repo, PLANNER, mission.id, folders, name="yard")
     shown = api.get(path)["calibration"]
-    assert (shown["format"], shown["name"]) == ("calibration/1", "yard")
+    assert (shown["format"], shown["name"]) == ("calibration/3", "yard")
+    assert shown["arrival_rate"] > 0.0  # each track was of the target that its drive led to
 
     def change(document: dict[str, Any] | None) -> Any:
         etag = api("GET", path).headers["etag"]
@@ -213,7 +214,7 @@ def test_drives_that_ended_short_have_odds_and_those_that_lost_their_own_track_d
     record_drives(tmp_path / "run", drives, short=(2, 7, 9, 11))
     found = calibrate_from_folders(repo, PLANNER, mission.id, [tmp_path / "run"]).calibration
     assert found is not None
-    assert (found["format"], found["failures"], found["legs"]) == ("calibration/2", 3, 12)
+    assert (found["format"], found["failures"], found["legs"]) == ("calibration/3", 3, 12)
     assert found["fail_per_m"] == pytest.approx(3 / (16 * 3.0))
     target = create_target(repo, PLANNER, mission.id, TargetCreate(east_m=4.0, north_m=1.0))
     asked = ObservationRequestCreate(target_id=target.id, instrument="science_camera", value=5.0)
@@ -242,7 +243,7 @@ def test_days_that_were_slow_in_all_drives_become_kinds_of_sols(
     ]
     found = calibrate_from_folders(repo, PLANNER, mission.id, folders).calibration
     assert found is not None
-    assert (found["format"], found["days"]) == ("calibration/2", 7)
+    assert (found["format"], found["days"]) == ("calibration/3", 7)
     assert found["day_time_sd"] == pytest.approx(0.28, abs=0.05)
     target = create_target(repo, PLANNER, mission.id, TargetCreate(east_m=4.0, north_m=1.0))
     asked = ObservationRequestCreate(target_id=target.id, instrument="science_camera", value=5.0)
