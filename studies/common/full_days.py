@@ -15,6 +15,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
 from multiprocessing import get_context
 from pathlib import Path
+from statistics import median
 from traceback import format_exception
 from typing import Any
 
@@ -140,7 +141,7 @@ def line(rows: Sequence[Row]) -> str:
     if not near:
         return f"{len(rows)} days, {raised} exceptions; no target was approached."
     answered = total["measured"] + total["refused_rightly"]
-    used_s = sorted(processor_s(row["stages"]) for row in flown)
+    used_s = [processor_s(row["stages"]) for row in flown]
     return " ".join(
         (
             f"{len(rows)} days, {raised} exceptions, {total['untold']} failures without a reason.",
@@ -151,8 +152,8 @@ def line(rows: Sequence[Row]) -> str:
             f"{100 * answered / near:.0f} % ({100 * ANSWERED:.0f} asked).",
             f"Refused where it says safe and in reach: {total['refused_wrongly']}; failed otherwise:",
             f"{total['failed']}. Claimed and wrong: {total['wrong']}; put where the surface is truly unsafe:",
-            f"{total['unsafe']}. A day took {used_s[len(used_s) // 2]:.0f} s of a processor in the median,",
-            f"{used_s[-1]:.0f} at most ({PROCESSOR_S:.0f} asked).",
+            f"{total['unsafe']}. A day took {median(used_s):.0f} s of a processor in the median,",
+            f"{max(used_s):.0f} at most ({PROCESSOR_S:.0f} asked).",
         )
     )
 
@@ -201,8 +202,7 @@ def targets_table(rows: Sequence[Row]) -> str:
                     fate["why"] or "-",
                 )
             )
-    off.sort()
-    middle = f"{off[len(off) // 2]:.2f} cm off in the median, {off[-1]:.2f} at most" if off else "none"
+    middle = f"{median(off):.2f} cm off in the median, {max(off):.2f} at most" if off else "none"
     return f"Measured: {middle}. All others:\n\n{_markdown(cells)}"
 
 
