@@ -155,35 +155,31 @@ def _room(
 
 
 @njit(cache=True, nogil=True)
-def least_above(fine: Singles, bulge: float, finer: int) -> Floats:
-    """Return nodes, (nt, ng), whose chords are above chances given at fine nodes that fall in both axes.
+def _asked_rise(
+    nodes: Floats, fine: Singles, bulge: float, finer: int, asked: NDArray[np.bool_]
+) -> tuple[Floats, bool]:
+    """Return by how much each node, (nt, ng), is asked to rise by the cells beside it, and whether any is.
 
-    Between fine nodes they bulge by `bulge` at most. Nodes beside a chord that is too low are raised, none
-    above 1 while a neighbour can be raised: a node above the others would be a time and an energy that
-    a policy gains by meeting. Then each falls as far as it may, those of the largest chances first.
+    A cell, (nt - 1, ng - 1), that is asked no more was found to be high enough.
     """
-    nt, ng = (fine.shape[0] - 1) // finer + 1, (fine.shape[1] - 1) // finer + 1
-    nodes = fine[::finer, ::finer].astype(np.float64)
-    rise = np.zeros((nt, ng))
-    asked = np.ones((nt - 1, ng - 1), np.bool_)
-    for turn in range(TURNS):
-        rise[:] = 0.0
-        for i in range(nt - 1):
-            for j in range(ng - 1):
-                if not asked[i, j]:
-                    continue
-                missing = _missing(nodes, fine, bulge, finer, i, j)
-                asked[i, j] = missing > NOISE
-                if asked[i, j]:
-                    for p in range(i, i + 2):
-                        for q in range(j, j + 2):
-                            rise[p, q] = max(rise[p, q], missing)
-        if not asked.any():
-            break
-        for i in range(nt):
-            for j in range(ng):
-                more = nodes[i, j] + rise[i, j]
-                nodes[i, j] = more if turn == TURNS - 1 else min(more, max(nodes[i, j], 1.0))
+    rise = np.zeros(nodes.shape)
+    some = False
+    for i in range(asked.shape[0]):
+        for j in range(asked.shape[1]):
+            if not asked[i, j]:
+                continue
+            missing = _missing(nodes, fine, bulge, finer, i, j)
+            asked[i, j] = missing > NOISE
+            if asked[i, j]:
+                some = True
+                rise[i : i + 2, j : j + 2] = np.maximum(rise[i : i + 2, j : j + 2], missing)
+    return rise, some
+
+
+@njit(cache=True, nogil=True)
+def _lowered(nodes: Floats, fine: Singles, bulge: float, finer: int) -> None:
+    """Let each node fall as far as it may, those of the largest chances first."""
+    nt, ng = nodes.shape
     for i in range(nt):
         for j in range(ng):
             room = nodes[i, j] - fine[i * finer, j * finer]
@@ -193,6 +189,27 @@ def least_above(fine: Singles, bulge: float, finer: int) -> Floats:
                         room = min(room, _room(nodes, fine, bulge, finer, (p, q), (i, j)))
             if room > LITTLE:
                 nodes[i, j] -= room - LITTLE
+
+
+@njit(cache=True, nogil=True)
+def least_above(fine: Singles, bulge: float, finer: int) -> Floats:
+    """Return nodes, (nt, ng), whose chords are above chances that fall in both axes.
+
+    The chances are given at fine nodes, (finer (nt - 1) + 1, finer (ng - 1) + 1), and bulge between them by
+    `bulge` at most. Nodes beside a chord that is too low are raised, none above 1 while a neighbour can be
+    raised: a node above the others would be a time and an energy that a policy gains by meeting. Then each
+    falls as far as it may.
+    """
+    nt, ng = (fine.shape[0] - 1) // finer + 1, (fine.shape[1] - 1) // finer + 1
+    nodes = fine[::finer, ::finer].astype(np.float64)
+    asked = np.ones((nt - 1, ng - 1), np.bool_)
+    for turn in range(TURNS):
+        rise, some = _asked_rise(nodes, fine, bulge, finer, asked)
+        if not some:
+            break
+        more = nodes + rise
+        nodes = more if turn == TURNS - 1 else np.minimum(more, np.maximum(nodes, 1.0))
+    _lowered(nodes, fine, bulge, finer)
     return nodes
 
 
