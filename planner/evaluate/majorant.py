@@ -193,12 +193,12 @@ def _lowered(nodes: Floats, fine: Singles, bulge: float, finer: int) -> None:
 
 @njit(cache=True, nogil=True)
 def least_above(fine: Singles, bulge: float, finer: int) -> Floats:
-    """Return nodes, (nt, ng), whose chords are above chances that fall in both axes.
+    """Return nodes [nt, ng] whose chords are above chances that fall in both axes.
 
-    The chances are given at fine nodes, (finer (nt - 1) + 1, finer (ng - 1) + 1), and bulge between them by
-    `bulge` at most. Nodes beside a chord that is too low are raised, none above 1 while a neighbour can be
-    raised: a node above the others would be a time and an energy that a policy gains by meeting. Then each
-    falls as far as it may.
+    The chances are given at `finer` fine nodes to each node, [finer nt - finer + 1, finer ng - finer + 1],
+    and bulge between them by `bulge` at most. Nodes beside a chord that is too low are raised, none above 1
+    while a neighbour can be raised: a node above the others would be a time and an energy that a policy gains
+    by meeting. Then each falls as far as it may.
     """
     nt, ng = (fine.shape[0] - 1) // finer + 1, (fine.shape[1] - 1) // finer + 1
     nodes = fine[::finer, ::finer].astype(np.float64)

@@ -241,7 +241,8 @@ def build_obstacles(request: NetworkRequest, keep_outs: tuple[Polygon, ...]) -> 
     if not hard:
         return Obstacles((), (), Polygon(), (), {}, Outline(Polygon())), notes
     bodies = np.array(hard, dtype=object)
-    blocked, most = Polygon(), options.maximum_corners
+    most = options.maximum_corners
+    blocked: BaseGeometry = Polygon()
     few = int(shapely.get_num_coordinates(bodies).sum()) <= most  # clearance hardly leaves out a corner
     if few:
         blocked = _with_clearance(bodies, rover.clearance_m, 0.0, _ARC)
