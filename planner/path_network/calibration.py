@@ -339,7 +339,12 @@ def fit_calibration(
     time_fit = fit_mean(features, duration)
     mean_s = features @ np.asarray(time_fit.coefficients)
     drive_s = np.maximum(features[:, :3] @ np.asarray(time_fit.coefficients[:3]), 1e-9)
-    time_cv = time_fit.cv * math.sqrt(float(np.mean(np.square(mean_s / drive_s))))  # of the drive alone
+    time_cv = time_fit.cv
+    if told:
+        # What scatters is put down to the drive alone, as the problem has it; by sums, since what tracks add
+        # would be many times a short drive.
+        free = max(1, len(duration) - features.shape[1]) / len(duration)
+        time_cv = math.sqrt(float(np.square(duration - mean_s).sum() / np.square(drive_s).sum()) / free)
     spent = np.column_stack([drive_power_w * drive_s, np.ones_like(length)])[:, : 2 if told else 1]
     energy_fit = fit_mean(spent, energy)
     time_day = energy_day = NO_FACTOR

@@ -33,7 +33,7 @@ def calibration_document(calibration: Calibration) -> dict[str, Any]:
     days are alike. Members of days stand only where days differ.
     """
     document = CALIBRATIONS.document(calibration)
-    if any(document[name] for name in LEARNED):
+    if calibration.track_s is not None or any(document[name] for name in LEARNED):
         return document
     document = {**{k: v for k, v in document.items() if k not in LEARNED}, "format": "calibration/2"}
     if calibration.days:

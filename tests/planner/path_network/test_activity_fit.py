@@ -98,6 +98,24 @@ def test_energy_that_goes_with_looks_is_not_left_out_of_the_sum() -> None:
     assert said.sum() == pytest.approx(joules.sum(), rel=0.03)
 
 
+def test_what_scatters_is_the_drive_and_not_what_tracks_add() -> None:
+    rng = np.random.default_rng(15)
+    length, tracks = rng.uniform(0.5, 12, 4000), rng.integers(1, 6, 4000).astype(float)
+    drive_s = 60 + 150 * length
+    found = fit_calibration(
+        name="run", source="drawn", prior=K9_CALIBRATION, length_m=length, turn_rad=np.zeros(4000),
+        duration_s=drive_s * rng.lognormal(-0.045, 0.3, 4000) + 585 * tracks, energy_j=50 * drive_s,
+        speed_m_s=0.06, turn_rate_rad_s=0.1, drive_power_w=105.0, tracked=tracks,
+    )  # fmt: skip
+    assert found.track_s == pytest.approx(585, rel=0.02)
+    assert found.duration_cv == pytest.approx(0.307, rel=0.05)  # sqrt(exp(0.3^2) - 1)
+
+
+def test_a_track_that_takes_no_time_is_kept_in_the_document() -> None:
+    alike = replace(_fitted(None, 0.0), track_s=0.0)
+    assert CALIBRATIONS.from_document(calibration_document(alike)) == alike
+
+
 def test_as_many_tracks_on_every_drive_leave_the_figure_that_was_believed() -> None:
     found = _fitted([3.0] * 60, 45.0)
     assert found.track_s is None
