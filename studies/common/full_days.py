@@ -27,7 +27,7 @@ from studies.common.plain_day import fly_plain_day, processor_s
 
 GROUNDS = (GENERATED, "curiosity", "both")
 PROCESSOR_S, ANSWERED, MEASURED = 360.0, 0.85, 0.50
-"""What issue 19 asks for: processor time of a day; of the targets that were approached, the share that was
+"""Asked of such days: processor time of each; of the targets that were approached, the share that was
 measured or rightly refused, and the share that was measured."""
 ENDS = ("measured", "refused_rightly", "refused_wrongly", "failed")
 """Of a target that was approached, just one."""
@@ -128,7 +128,7 @@ def _brief(row: Row) -> str:
 
 
 def report(rows: Sequence[Row]) -> str:
-    """Return days as Markdown: the issue's line, a table of days, and what became of every target."""
+    """Return as Markdown what days come to beside what is asked, each day, and each target's fate."""
     return "\n\n".join((line(rows), days_table(rows), targets_table(rows)))
 
 
