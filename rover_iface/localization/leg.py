@@ -16,7 +16,6 @@ import numpy.typing as npt
 
 from rover_iface.errors import LocalizationError
 from rover_iface.frames import Transform
-from rover_iface.localization.rock_extraction import SeenRock
 from rover_iface.localization.rock_matching import (
     LegPrior,
     MatchingOptions,
@@ -24,6 +23,7 @@ from rover_iface.localization.rock_matching import (
     match_rocks,
     overlapping,
 )
+from rover_iface.localization.seen_rock import SeenRock
 
 Array = npt.NDArray[np.float64]
 

@@ -15,9 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from rover_iface.errors import LocalizationError
+from rover_iface.localization.ground_fit import Ground, fit_ground
 from rover_iface.localization.ground_points import DirectionRaster, GroundPoints, direction_raster
+from rover_iface.localization.rock_chance import rock_probability, weighed_by_outlines
 from rover_iface.localization.rock_models import FEWEST_POINTS, RockModel, best_rock_model
 from rover_iface.localization.rock_outlines import OutlineOptions, cut_at_outlines
+from rover_iface.localization.seen_rock import SeenRock
 
 Array = npt.NDArray[np.float64]
 Cells = npt.NDArray[np.int64]
@@ -76,188 +79,6 @@ class ExtractionOptions:
                 f"rocks of {self.least_cells} cells, {self.least_height_m} m, {self.disparity_px} px; "
                 f"at least {FEWEST_POINTS - 4} cells and positive height and disparity error are needed"
             )
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class SeenRock:
-    """A rock seen from one stop, site frame of the cloud.
-
-    Attributes
-    ----------
-    peak
-        [3], its highest point.
-    position, covariance
-        [3], [3, 3]: middle of its foot, and how far that may be off.
-    height_m, width_m
-        Over the plane round it; across the line of sight.
-    range_m
-        From the eye.
-    surface
-        [n, 3], points above the plane.
-    model
-        The best of the four solids, None when there are too few points for one.
-    cells
-        Which cells of the direction raster show it.
-    rise
-        Its face recedes as that of a rise of the ground does: a rock seen from a flat side, or no rock.
-    probability
-        That it is a rock (`rock_probability`, `weighed_by_outlines`).
-    outlined
-        The picture shows where it ends (`rock_outlines`); None without a picture.
-    """
-
-    peak: Array
-    position: Array
-    covariance: Array
-    height_m: float
-    width_m: float
-    range_m: float
-    surface: Array
-    model: RockModel | None
-    cells: Cells
-    rise: bool = False
-    probability: float = 1.0
-    outlined: bool | None = None
-
-    @property
-    def radius_m(self) -> float:
-        """Return the radius of its model, or half its width."""
-        return self.model.radius_m if self.model is not None else 0.5 * self.width_m
-
-    @property
-    def area_m2(self) -> float:
-        """Return the surface, m2, of its model, or that of a hemispheroid of its size."""
-        if self.model is not None:
-            return self.model.area_m2
-        return 2.0 * math.pi * 0.5 * self.width_m * max(self.height_m, 0.5 * self.width_m)
-
-    def with_outline(self, outlined: bool) -> SeenRock:
-        """Return the rock as the picture bears it out; one whose outline it shows is placed better."""
-        factor = OUTLINED_SIGMA**2 if outlined else 1.0
-        return replace(self, outlined=outlined, covariance=factor * self.covariance)
-
-
-@dataclass(frozen=True, eq=False)
-class Ground:
-    """Height of the ground under a cloud, on a raster of 1 m posts [rows, columns], row 0 south."""
-
-    heights: Array
-    west: float
-    south: float
-    side: float
-
-    def at(self, xy: Array) -> Array:
-        """Return ground heights [...], m, at points [..., 2], m, bilinear, the border's beyond it."""
-        from scipy.ndimage import map_coordinates
-
-        where = (
-            np.moveaxis(xy, -1, 0)[::-1] - np.array([self.south, self.west]).reshape(2, *[1] * (xy.ndim - 1))
-        ) / self.side
-        return np.asarray(map_coordinates(self.heights, where, order=1, mode="nearest"))
-
-
-@dataclass(frozen=True, slots=True)
-class GroundOptions:
-    """Parameters of the ground under a cloud.
-
-    None is published: Li et al. fit one plane a peak. They were chosen by hand for the generated terrains of
-    `studies.localization`, for the reasons given.
-
-    Attributes
-    ----------
-    low_share
-        Each cell stands with the point of this share from below: the lowest ones are errors of stereo.
-    full_count
-        Points from which on a cell weighs fully: a few may all be noise.
-    passes
-        How often what lies over the plane is weighed anew: a rock pulls up the plane that it is judged by.
-    stiffness_m2
-        Added to the variance of places round a post: points in a line or spot tell no slope across it.
-    over_m, fade_m
-        What lies over the plane by `over_m` is ground all the same: ripples, errors of stereo. Beyond, its
-        weight falls off as a Gaussian of `fade_m`, half the height of the lowest rock that is looked for.
-    reach_sigmas
-        Where the weight of a cell ends, in reaches; at five it is 4e-6.
-    least_weight
-        Posts that cells of less than this tell have the median height.
-    """
-
-    low_share: float = 0.3
-    full_count: int = 10
-    passes: int = 4
-    stiffness_m2: float = 0.05
-    over_m: float = 0.04
-    fade_m: float = 0.06
-    reach_sigmas: float = 5.0
-    least_weight: float = 1e-9
-
-    def __post_init__(self) -> None:
-        if not (0 <= self.low_share <= 1 and self.full_count >= 1 and self.passes >= 1):
-            raise LocalizationError(
-                f"ground by the share {self.low_share} of {self.full_count} points in {self.passes} passes; "
-                "0 to 1, and at least 1 each are needed"
-            )
-        if not (self.stiffness_m2 > 0 and self.fade_m > 0 and self.over_m >= 0):
-            raise LocalizationError(
-                f"ground with stiffness {self.stiffness_m2} m2, {self.over_m} m over it and a fall-off of "
-                f"{self.fade_m} m; the first and the last must be positive"
-            )
-
-
-def fit_ground(
-    points: Array, *, side: float = 1.0, reach_m: float = 1.5, options: GroundOptions | None = None
-) -> Ground:
-    """Return the ground under points [n, 3], m, z up: planes through low points, weighted by distance, rocks
-    left out.
-
-    Each cell of `side` metres stands with its lower points; a Gaussian of `reach_m` weighs the cells round a
-    post, and cells above the plane lose weight.
-    """
-    options = options or GroundOptions()
-    # two cells of border: the planes there lean on those inside
-    low = points[:, :2].min(axis=0) - 2 * side
-    at = np.floor((points[:, :2] - low) / side).astype(np.int64)
-    columns, rows = (int(v) + 4 for v in at.max(axis=0))
-    cell = at[:, 1] * columns + at[:, 0]
-    order = np.lexsort((points[:, 2], cell))
-    cells, first, count = np.unique(cell[order], return_index=True, return_counts=True)
-    lows = points[order[first + (options.low_share * (count - 1)).astype(np.int64)]]
-    weight = np.minimum(count, options.full_count) / float(options.full_count)
-    x, y, z = (lows - (low[0], low[1], 0.0)).T
-    trust = np.ones(len(cells))
-    for _ in range(options.passes):
-        fields = np.zeros((9, rows * columns))
-        for total, moment in zip(fields, (1.0, x, y, z, x * x, x * y, y * y, x * z, y * z), strict=True):
-            total[cells] = weight * trust * moment
-        height = _planes(fields.reshape(-1, rows, columns), side, reach_m, float(np.median(z)), options)
-        ground = Ground(height, float(low[0]), float(low[1]), side)
-        over = lows[:, 2] - ground.at(lows[:, :2]) - options.over_m
-        trust = np.where(over > 0.0, np.exp(-((over / options.fade_m) ** 2)), 1.0)
-    return ground
-
-
-def _planes(fields: Array, side: float, reach_m: float, else_m: float, options: GroundOptions) -> Array:
-    """Return heights [rows, columns] of the local planes: Gaussian sums round each post, normal equations.
-
-    `fields` [9, rows, columns] are weighted sums over the cells of 1, x, y, z, xx, xy, yy, xz, yz.
-    """
-    from scipy.ndimage import gaussian_filter
-
-    sums = [
-        gaussian_filter(field, reach_m / side, mode="constant", truncate=options.reach_sigmas)
-        for field in fields
-    ]
-    total = np.maximum(sums[0], 1e-12)
-    mx, my, mz, mxx, mxy, myy, mxz, myz = (moment / total for moment in sums[1:])
-    xx = mxx - mx * mx + options.stiffness_m2
-    yy = myy - my * my + options.stiffness_m2
-    xy = mxy - mx * my
-    xz, yz = mxz - mx * mz, myz - my * mz
-    det = xx * yy - xy * xy
-    a, b = (xz * yy - yz * xy) / det, (yz * xx - xz * xy) / det
-    posts_y, posts_x = np.mgrid[0 : fields.shape[1], 0 : fields.shape[2]] * side
-    height = mz + a * (posts_x - mx) + b * (posts_y - my)
-    return np.where(sums[0] > options.least_weight, height, else_m)
 
 
 def extract_rocks(
@@ -468,57 +289,6 @@ def _rock(
         rise=rise,
         probability=probability,
     )
-
-
-ROCK_SIGNS = (7.824, 2.434, 2.017, -1.928, -0.102, -0.179, 0.293, 2.956)
-"""Logistic weights: a constant, then the signs of `rock_probability`."""
-
-
-def rock_probability(signs: tuple[float, ...]) -> float:
-    """Return the odds, as a probability, that a patch above the ground is a rock and no rise of it.
-
-    `signs` are the logarithms of height, height over width and range (metres), how many deviations its face
-    recedes beyond the limit, how much it recedes, and how far disparity falls (px) above its top and beside
-    it: a rise goes over into the ground, a rock ends.
-    """
-    constant, *weights = ROCK_SIGNS
-    level = constant + sum(weight * sign for weight, sign in zip(weights, signs, strict=True))
-    return 1.0 / (1.0 + math.exp(-max(-30.0, min(30.0, level))))
-
-
-OUTLINE_LAW = {True: (2.33, 0.11), False: (-3.16, 0.27)}
-"""By whether the picture shows an outline: constant and slope of log odds over those of `rock_probability`.
-
-Fitted on the 16 rendered stops of terrains 393882176 to 393882183, 1,103 patches: of those with an outline
-93 % were rocks, of those without 8 %.
-"""
-
-OUTLINED_ENOUGH = 6
-"""Outlined patches, more probably rocks than not, by which a stop's pictures show that rocks have outlines
-there: as many as a leg asks of rocks (`FaultLimits.least_rocks`). With fewer a patch without one may still be
-a rock, on ground as bright as the rocks are."""
-
-OUTLINED_SIGMA = 0.65
-"""What a place errs by where the picture says where the rock ends, of what it errs by without: 0.58 to 0.60
-along and across the sight, measured on the same legs."""
-
-
-def weighed_by_outlines(rocks: list[SeenRock], least_probability: float) -> list[SeenRock]:
-    """Return rocks with the probabilities that they have given the outlines of the picture; those that are
-    less than `least_probability` are left away.
-
-    Without enough outlines in the pictures the rocks come back as they are.
-    """
-    if sum(bool(rock.outlined) and rock.probability > 0.5 for rock in rocks) < OUTLINED_ENOUGH:
-        return rocks
-    weighed = []
-    for rock in rocks:
-        constant, slope = OUTLINE_LAW[bool(rock.outlined)]
-        odds = rock.probability / max(1.0 - rock.probability, 1e-9)
-        probability = 1.0 / (1.0 + math.exp(-constant) * odds**-slope)
-        if probability >= least_probability:
-            weighed.append(replace(rock, probability=probability))
-    return weighed
 
 
 STEP_CELLS = 3

@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rover_iface.errors import LocalizationError
-from rover_iface.localization.rock_extraction import SeenRock
+from rover_iface.localization.seen_rock import SeenRock
 
 Array = npt.NDArray[np.float64]
 

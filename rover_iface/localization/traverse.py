@@ -18,8 +18,9 @@ from rover_iface.frames import Transform
 from rover_iface.localization.bundle_adjustment import Adjustment, BundleAdjustment
 from rover_iface.localization.ground_points import GroundPoints
 from rover_iface.localization.leg import FaultLimits, LegResult, localise_leg
-from rover_iface.localization.rock_extraction import SeenRock, extract_rocks
+from rover_iface.localization.rock_extraction import extract_rocks
 from rover_iface.localization.rock_matching import BIAS_PX, LegPrior, MatchingOptions, RockPair
+from rover_iface.localization.seen_rock import SeenRock
 
 Array = npt.NDArray[np.float64]
 FORMAT = "localization/1"

@@ -21,8 +21,9 @@ from rover_iface.localization.ground_points import (
     direction_raster,
     points_of_panorama,
 )
-from rover_iface.localization.rock_extraction import ExtractionOptions, SeenRock, extract_rocks
+from rover_iface.localization.rock_extraction import ExtractionOptions, extract_rocks
 from rover_iface.localization.rock_matching import LegPrior
+from rover_iface.localization.seen_rock import SeenRock
 from rover_iface.simulator.render.from_terrain import scene_from_terrain
 from rover_iface.simulator.render.panorama import take_panorama
 from rover_iface.simulator.render.renderer import Renderer, Sun

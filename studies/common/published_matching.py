@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from rover_iface.localization.rock_extraction import SeenRock
 from rover_iface.localization.rock_matching import LegPrior, overlapping
+from rover_iface.localization.seen_rock import SeenRock
 
 Array = npt.NDArray[np.float64]
 WEIGHTS = 1 / 2, 1 / 3, 1 / 6

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from rover_iface.localization.rock_extraction import SeenRock
 from rover_iface.localization.rock_matching import LegPrior
+from rover_iface.localization.seen_rock import SeenRock
 
 
 def seen_rock(position, height, width, *, sigma_along=0.15, sigma_across=0.05):

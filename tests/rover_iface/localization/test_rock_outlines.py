@@ -10,13 +10,10 @@ from scipy.ndimage import binary_dilation, maximum_filter
 
 from rover_iface.errors import LocalizationError
 from rover_iface.localization.ground_points import GroundPoints, direction_raster
-from rover_iface.localization.rock_extraction import (
-    OUTLINED_ENOUGH,
-    SeenRock,
-    extract_rocks,
-    weighed_by_outlines,
-)
+from rover_iface.localization.rock_chance import OUTLINED_ENOUGH, weighed_by_outlines
+from rover_iface.localization.rock_extraction import extract_rocks
 from rover_iface.localization.rock_outlines import OutlineOptions, cut_at_outlines
+from rover_iface.localization.seen_rock import SeenRock
 from tests.rover_iface.localization.rocks_for_tests import seen_rock
 from tests.rover_iface.localization.test_rock_extraction import EYE, FACTOR, seen_field
 from tests.seeds import drawn_seed
