@@ -70,8 +70,8 @@ def test_two_rocks_in_one_patch_are_two() -> None:
     picture[one | two] = 0.3
     parts = cut(fattened(one | two, 3), picture)
     assert [outlined for _, outlined in parts] == [True, True]
-    for (found, _), rock in zip(parts, (one, two), strict=True):
-        assert (found & rock).sum() == rock.sum()
+    for rock in (one, two):
+        assert sorted(int((found & rock).sum()) for found, _ in parts) == [0, rock.sum()]
 
 
 def test_a_patch_that_the_window_moved_off_its_rock_is_moved_back() -> None:
