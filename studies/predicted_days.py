@@ -266,9 +266,8 @@ def pit_of(day: Mapping[str, Any]) -> float:
 def mean_and_error(x: npt.ArrayLike) -> tuple[float, float]:
     """Return the mean of numbers [n] and its standard error."""
     values = np.asarray(x, dtype=float)
-    return float(values.mean()), float(values.std(ddof=1)) / math.sqrt(len(values)) if len(
-        values
-    ) > 1 else math.inf
+    error = float(values.std(ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else math.inf
+    return float(values.mean()), error
 
 
 def ratio(took: npt.ArrayLike, said: npt.ArrayLike) -> tuple[float, float]:
