@@ -19,6 +19,7 @@ from ground.resources.calibrations.driven_legs import (
     exposure_m,
     legs_of_run,
 )
+from ground.resources.calibrations.made_activities import MadeActivity, activities_of_run
 from ground.uplink.flight import fly
 from planner.path_network import Calibration
 from rover_iface.contract import write_contract_world
@@ -139,6 +140,42 @@ def _told(folder: Path, states: dict[str, tuple[str, str, str]]) -> Path:
     (folder / "products" / "0001-odometry.json").write_text(json.dumps(odometry))
     (folder / "products" / "0002-tracking.json").write_text(json.dumps(tracking))
     return folder
+
+
+@pytest.mark.parametrize("line", ["[]", "3", '{"k": "send"}', '{"k": "step", "events": [{"k": 1}]}', "{"])
+def test_a_malformed_journal_is_refused_by_the_name_of_its_run(tmp_path: Path, line: str) -> None:
+    out = _told(tmp_path / "run", {"T1": ("tracked",) * 3})
+    with (out / "journal.jsonl").open("a") as journal:
+        journal.write("\n" + line)
+    with pytest.raises(ArchiveError, match=r"^run"):
+        legs_of_run(out)
+    with pytest.raises(ArchiveError, match=r"^run"):
+        activities_of_run(out, K9)
+
+
+def test_activities_have_their_outcome_time_and_energy_and_drives_are_none(tmp_path: Path) -> None:
+    out = _told(tmp_path / "run", {"T1": ("tracked",) * 3})
+    sent = [("a", "trackstart", {"target": "T1"}), ("b", "observe", {"instrument": "mi"})]
+    lines = [{"k": "step", "t": 3_000_000, "events": []}]
+    for name, action, parameters in sent:
+        lines.append({"k": "send", "id": ["r", name, 1], "action": action, "parameters": parameters})
+    events = [
+        {
+            "e": "result",
+            "t": 3_045_000,
+            "command": ["r", "a", 1],
+            "success": True,
+            "values": {"energy_j": 200.0},
+        },
+        {"e": "result", "t": 3_600_000, "command": ["r", "b", 1], "success": False, "values": {}},
+    ]
+    lines.append({"k": "step", "t": 3_600_000, "events": events})
+    with (out / "journal.jsonl").open("a") as journal:
+        journal.write("\n" + "\n".join(map(json.dumps, lines)))
+    assert activities_of_run(out, K9) == [
+        MadeActivity("trackstart", True, 45.0, 200.0),
+        MadeActivity("mi", False, 600.0, 0.0),
+    ]
 
 
 def test_a_target_that_was_placed_on_is_watched_no_longer(tmp_path: Path) -> None:

@@ -102,7 +102,7 @@ def legs_of_run(folder: Path) -> list[DrivenLeg]:
         return [
             _leg(folder.name, drive, odometry, history, ends_s[k + 1 :]) for k, drive in enumerate(drives)
         ]
-    except (KeyError, TypeError, IndexError, ValueError) as err:
+    except (AttributeError, KeyError, TypeError, IndexError, ValueError) as err:
         raise ArchiveError(f"{folder.name}: a record is malformed: {err!r}") from err
 
 

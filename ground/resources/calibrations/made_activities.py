@@ -39,7 +39,7 @@ def activities_of_run(folder: Path, profile: RoverProfile) -> list[MadeActivity]
         return list(_made([json.loads(line) for line in lines], profile))
     except (OSError, ValueError) as err:
         raise ArchiveError(f"{folder.name}: no activities can be read: {err}") from err
-    except (KeyError, TypeError, IndexError) as err:
+    except (AttributeError, KeyError, TypeError, IndexError) as err:
         raise ArchiveError(f"{folder.name}: a record is malformed: {err!r}") from err
 
 
