@@ -4,10 +4,11 @@
 
 Training: days on sites of their own, flown by the executive, so drives, tracks, placements and images are all
 observed; the product's `calibrate` learns from their folders. Evaluation: days on fresh sites, drawn when the
-command runs and printed. Each is planned with that calibration, with branches; the plan's futures give the
-distribution of the utility, with every success coin tossed. Then it is flown. After the code has changed the
-same command with a new cache does all of it again; an interrupted one goes on where it stood, and several
-processes may share a cache.
+command runs and printed. Each is planned with a calibration, with branches; the plan's futures give the
+distribution of the utility, with every success coin tossed. Then it is flown. As a mission would, the
+calibration is learned anew after every so many days, from all that were flown by then; so each is on a site
+that its own calibration did not see. After the code has changed the same command with a new cache does all of
+it again; an interrupted one goes on where it stood, and several processes may share a cache.
 
 A day is inside its band by the randomised probability integral transform: v is drawn evenly between the
 shares of futures that earned less, and at most as much, than was achieved; inside is 0.05 <= v <= 0.95. A
@@ -19,7 +20,6 @@ from __future__ import annotations
 
 import argparse
 import fcntl
-import hashlib
 import json
 import math
 import secrets
@@ -29,6 +29,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -54,7 +55,11 @@ TARGETS = 5
 FUTURES = 20_000
 """Futures of a prediction: a share of 5 % to 0.15 %."""
 BAND = (0.05, 0.95)
-DAY = "day.json"
+DAY, LEARNED = "day.json", "calibration.json"
+RELEARN = 20
+"""Days after which the calibration is learned anew: for it each day so far needs a map, a second of work."""
+WAIT_S = 5.0
+"""Between two looks whether another process has learned it."""
 
 
 # ---------------------------------------------------------------------------------------------- days
@@ -226,32 +231,38 @@ def drives(problem: Problem, legs: Sequence[DrivenLeg]) -> Iterator[dict[str, An
 # ---------------------------------------------------------------------------------------------- training
 
 
-def trained(cache: Path) -> Calibration:
-    """Return what the product learns from the training days of a cache; kept until there is another day."""
-    folders = [
-        f for f in sorted((cache / "train").glob("*/")) if (f / "run.json").exists() and (f / DAY).exists()
-    ]
-    if any(int(folder.name) >= TRAIN_BELOW for folder in folders):
-        raise SystemExit(f"{cache / 'train'} holds the day of a site that is kept for the evaluation")
-    kept = cache / "calibration.json"
-    if kept.exists() and all(kept.stat().st_mtime > (f / DAY).stat().st_mtime for f in folders):
-        return CALIBRATIONS.read_file(kept)
+def flown_days(cache: Path) -> list[Path]:
+    """Return the folders of all days of a cache that were flown to their end, of training and evaluation."""
+    return [f for f in sorted(cache.glob("*/*/")) if (f / "run.json").exists() and (f / DAY).exists()]
+
+
+def learned(cache: Path, name: str) -> Calibration:
+    """Return what the product learns from all days of a cache so far."""
+    folders = flown_days(cache)
     legs = {folder.name: legs_flown(folder) for folder in folders}
-    model = calibrate(
+    return calibrate(
         [leg for found in legs.values() for leg in found],
         PROFILE,
         {seed: generate_terrain(int(seed)) for seed, found in legs.items() if found},
-        name="predicted-days",
+        name=name,
         source=f"{len(folders)} recorded days on other sites",
         made=[one for folder in folders for one in activities_of_run(folder, PROFILE)],
     )
-    kept.write_text(CALIBRATIONS.write(model, indent=2) + "\n", encoding="utf-8")
-    return model
 
 
-def digest(model: Calibration) -> str:
-    """Return a short name of a calibration by what it says."""
-    return hashlib.sha256(CALIBRATIONS.write(model).encode()).hexdigest()[:12]
+def calibration_of_block(block: Path, learn: Callable[[], Calibration]) -> Calibration:
+    """Return the calibration of a block of days; one process learns it, before the block's first day."""
+    kept = block / LEARNED
+    while not kept.exists():
+        with claimed(block) as mine:
+            if mine and not kept.exists():
+                model = learn()
+                draft = kept.with_suffix(".draft")
+                draft.write_text(CALIBRATIONS.write(model, indent=2) + "\n", encoding="utf-8")
+                draft.replace(kept)
+        if not mine:
+            time.sleep(WAIT_S)
+    return CALIBRATIONS.read_file(kept)
 
 
 # ---------------------------------------------------------------------------------------------- summary
@@ -389,6 +400,23 @@ def quantile(values: Sequence[Sequence[float]], p: float) -> float:
     return float(values[-1][0])
 
 
+def recorded(cache: Path, name: str) -> list[dict[str, Any]]:
+    """Return the records of the days in all folders of a name."""
+    return [json.loads(path.read_text("utf-8")) for path in sorted(cache.glob(f"{name}/*/{DAY}"))]
+
+
+def report(cache: Path, targets: int) -> str:
+    """Return both tables of a cache with their seeds, as Markdown."""
+    days, before = recorded(cache, "days-*"), recorded(cache, "train")
+    sources = [CALIBRATIONS.read_file(path).source for path in sorted(cache.glob(f"days-*/{LEARNED}"))]
+    about = f"Days of {targets} targets, calibrated from {', then '.join(sources)}; seeds {seeds_of(days)}:"
+    parts = [summary(days, about)]
+    if before:
+        told = f"The training days, by the rover profile's numbers; seeds {seeds_of(before)}:"
+        parts.append(summary(before, told))
+    return "\n\n".join(parts)
+
+
 def main() -> None:
     """Fly what the cache lacks, and print the summary; with --docs put it and its picture into the docs."""
     parser = argparse.ArgumentParser(
@@ -398,7 +426,8 @@ def main() -> None:
     parser.add_argument("--train", type=int, default=20, help="days to learn from")
     parser.add_argument("--days", type=int, default=100, help="days of the evaluation")
     parser.add_argument("--targets", type=int, default=TARGETS)
-    parser.add_argument("--calibration", type=Path, help="plan with this one instead of the training's")
+    parser.add_argument("--relearn", type=int, default=RELEARN, help="days after which it is learned anew")
+    parser.add_argument("--calibration", type=Path, help="plan with this one instead of what is learned")
     parser.add_argument("--docs", type=Path)
     arguments = parser.parse_args()
     cache, targets = arguments.cache, arguments.targets
@@ -406,36 +435,25 @@ def main() -> None:
         cache / "train",
         arguments.train,
         range(TRAIN_BELOW),
-        lambda seed, out: flown_or_error(seed, out, None, targets),
+        partial(flown_or_error, calibration=None, targets=targets),
     )
-    if arguments.calibration is not None:
-        model = CALIBRATIONS.read_file(arguments.calibration)
-    else:
-        model = trained(cache)
-    test = cache / f"test-{digest(model)}"
-    fill(
-        test,
-        arguments.days,
-        range(TRAIN_BELOW, SEEDS),
-        lambda seed, out: flown_or_error(seed, out, model, targets),
-    )
-    days, before = (
-        [json.loads((f / DAY).read_text("utf-8")) for f in sorted(folder.glob("*/")) if (f / DAY).exists()]
-        for folder in (test, cache / "train")
-    )
-    if not days:
-        return
-    text = "\n\n".join(
-        (
-            summary(
-                days, f"Days of {targets} targets, calibrated from {model.source}; seeds {seeds_of(days)}:"
-            ),
-            summary(before, f"The training days, by the rover profile's numbers; seeds {seeds_of(before)}:"),
+    for first in range(0, arguments.days, arguments.relearn):
+        block = cache / f"days-{first:03d}"
+        given: Path | None = arguments.calibration
+        model = calibration_of_block(
+            block,
+            partial(CALIBRATIONS.read_file, given) if given else partial(learned, cache, block.name),
         )
-    )
+        fill(
+            block,
+            min(arguments.relearn, arguments.days - first),
+            range(TRAIN_BELOW, SEEDS),
+            partial(flown_or_error, calibration=model, targets=targets),
+        )
+    text = report(cache, targets)
     print(text)
     if arguments.docs is not None:
-        plot(days, arguments.docs / "img" / "predicted-days.png")
+        plot(recorded(cache, "days-*"), arguments.docs / "img" / "predicted-days.png")
         write_section(arguments.docs, "predicted-days", "days", text)
 
 

@@ -1,17 +1,31 @@
-"""What a day is predicted to earn, by another reckoning; and that no training site is in the evaluation."""
+"""What a day is predicted to earn, by another reckoning; and what a block of days learns from."""
 
 from __future__ import annotations
 
 import itertools
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy import stats
 
+from ground.day.prepare import calibration_of
+from planner.path_network import Calibration
 from planner.plan_tree import Navigate, Observe, OnFail, Plan, TrackStart
 from planner.problem import ObservationId, Problem, TargetId, problem_from_dict
-from studies.predicted_days import TRAIN_BELOW, pit_of, prediction, quantile, ratio, shares, trained
+from studies.common.asked_days import PROFILE
+from studies.predicted_days import (
+    calibration_of_block,
+    flown_days,
+    pit_of,
+    prediction,
+    quantile,
+    ratio,
+    shares,
+)
 
 LOST, ODDS, WORTH = 0.2, (0.7, 0.6, 0.9), (20.0, 8.0, 3.0)
 
@@ -106,10 +120,31 @@ def test_quantiles_and_ratios_have_their_plain_meaning() -> None:
     assert (share, error) == pytest.approx((2.0, 0.0))
 
 
-def test_a_site_of_the_evaluation_teaches_nothing(tmp_path: Path) -> None:
-    folder = tmp_path / "train" / str(TRAIN_BELOW)
-    folder.mkdir(parents=True)
-    for name in ("run.json", "day.json"):
-        (folder / name).write_text("{}")
-    with pytest.raises(SystemExit, match="kept for the evaluation"):
-        trained(tmp_path)
+def test_a_block_of_days_is_planned_with_what_was_known_when_it_began(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("studies.predicted_days.WAIT_S", 0.01)
+    asked = threading.Barrier(2)
+    learned: list[Calibration] = []
+
+    def learn() -> Calibration:
+        learned.append(replace(calibration_of(PROFILE), source=f"{len(flown_days(tmp_path))} days"))
+        return learned[-1]
+
+    def begin() -> Calibration:
+        asked.wait()
+        return calibration_of_block(tmp_path / "days-020", learn)
+
+    for name in ("train/7", "days-000/8", "days-000/9"):
+        folder = tmp_path / name
+        folder.mkdir(parents=True)
+        (folder / "run.json").write_text("{}")
+        if folder.name != "9":  # which is still being flown
+            (folder / "day.json").write_text("{}")
+    with ThreadPoolExecutor(2) as pool:
+        both = [begun.result() for begun in [pool.submit(begin), pool.submit(begin)]]
+    (tmp_path / "days-000/9/day.json").write_text("{}")
+    assert [model.source for model in (*both, calibration_of_block(tmp_path / "days-020", learn))] == [
+        "2 days"
+    ] * 3
+    assert len(learned) == 1
