@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from planner.contingency.by_place.bound import ng_bound
 from planner.contingency.flow_bound import flow_bound
 from planner.contingency.linear_program import solved
 from planner.contingency.policy import LiveSets, Moves, Policy, TooLargeError
@@ -119,6 +118,9 @@ def upper_bound(
             priced = priced_bound(model, limit_s=share * limit_s)
             found.append(Bound(priced, "multipliers and a small memory"))
             if share < 1.0:
+                # Half of all that planning imports, which a first plan and small problems never need.
+                from planner.contingency.by_place.bound import ng_bound
+
                 by_place = ng_bound(model, limit_s=(1.0 - share) * limit_s)
                 found.append(Bound(by_place, "multipliers and a memory of each place"))
         return min(found, key=lambda bound: bound.value)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from scipy.optimize import linprog
-
 from planner.evaluate.model import Floats
 from planner.tally import Step, affordable, spend
 
@@ -21,6 +19,8 @@ def solved(cost: Floats, matrix: Any, limits: Floats, bounds: Any, limit_s: floa
 
     `cost` [columns], `matrix` [rows, columns] dense or sparse, `limits` [rows].
     """
+    from scipy.optimize import linprog  # 0.2 s that a first plan does not need
+
     rows = matrix.shape[0] + 1
     pivots = max(LEAST_PIVOTS, affordable(Step.PIVOT, limit_s) // rows)
     answer = linprog(
