@@ -145,7 +145,14 @@ class LossFit:
 ARRIVAL_BELIEVED = 1.0 / 26.0
 """Tracks lost on an approach, before runs tell: one of 26 under normal driving (Kim et al. 2009, II)."""
 PRIOR_SPREAD = math.log(4.0)
-"""What a rate may be off the one before it, standard deviation of its logarithm: a factor of four."""
+"""What all rates of lost tracks may be off together, the tracker being better or worse than believed:
+standard deviation of a logarithm, a factor of four. So all that is believed is worth half a loss, as
+Jeffreys' prior is (1 / ln^2 4 = 0.52); were each of four rates on its own it would be 2.1, more than many
+days see."""
+PRIOR_APART = math.log(2.0)
+"""What each rate may be off besides: a factor of two. In 216 runs (docs/results/path-network.md) the rates
+inside the region and outside were 5.8 and 2.1 times what was believed, so exp(1.4 * 0.7) apart: one standard
+deviation of the difference of two."""
 
 
 def fit_loss(
@@ -161,8 +168,9 @@ def fit_loss(
     lost
         Shape (tracks,): whether the track was lost on that leg.
     prior_per_m
-        Shape (k,), positive: rates believed before, each within a factor of four (log-normal). One loss over
-        a few centimetres of a circumstance has no finite rate without it.
+        Shape (k,), positive: rates believed before, all together within a factor of four and each of them
+        within one of two (log-normal, `PRIOR_SPREAD` and `PRIOR_APART`). One loss over a few centimetres of a
+        circumstance has no finite rate without it.
 
     Raises
     ------
@@ -172,8 +180,9 @@ def fit_loss(
     Notes
     -----
     Loss on a leg has probability `1 - exp(-x . rate)`; the log-likelihood is concave in the rates, and
-    L-BFGS-B finds its maximum under `rate >= 0`. Standard errors are
-    from the observed information; a rate at 0 or without exposure has an infinite one.
+    L-BFGS-B finds its maximum under `rate >= 0`. With rates believed before it is the mode of their
+    logarithms after the losses, which is never 0. Standard errors are from the observed information, of the
+    logarithms then; a rate at 0 or without exposure has an infinite one.
     """
     x = np.asarray(exposure_m, dtype=np.float64)
     y = np.asarray(lost, dtype=np.float64)
@@ -192,7 +201,6 @@ def fit_loss(
         raise ProblemError(f"rates believed before are {believed}; {x.shape[1]} positive ones are needed")
     from scipy.optimize import minimize
 
-    scale = np.maximum(x.sum(axis=0), 1e-9)
     begin = np.maximum(y.sum(), 0.5) / x.sum().clip(1e-9)
 
     def negative(rate: npt.NDArray[np.float64]) -> tuple[float, npt.NDArray[np.float64]]:
@@ -204,9 +212,10 @@ def fit_loss(
             axis=0
         )
         if believed is not None:
-            away = np.log(rate / believed) / PRIOR_SPREAD**2
-            value += 0.5 * float(away @ np.log(rate / believed))
-            gradient = gradient + away / rate
+            away = np.log(rate / believed)
+            pull = _belief(away)
+            value += 0.5 * float(away @ pull)
+            gradient = gradient + pull / rate
         return float(value), gradient
 
     best = minimize(
@@ -218,19 +227,41 @@ def fit_loss(
         options={"maxiter": 1000, "ftol": 1e-14, "gtol": 1e-10},
     )
     rate = np.where(x.sum(axis=0) > 0, best.x, 0.0)
-    s = x @ rate
-    hit = y == 1
-    p = np.maximum(-np.expm1(-s[hit]), 1e-12)
-    weight = np.exp(-s[hit]) / p**2
-    information = (x[hit] * weight[:, None]).T @ x[hit]
-    if believed is not None:
-        information += np.diag(1.0 / (PRIOR_SPREAD * rate.clip(1e-9)) ** 2)
-    free = (rate > 1e-12) & (scale > 1e-9)
-    error = np.full(x.shape[1], np.inf)
-    if free.any():
-        inner = information[np.ix_(free, free)]
-        error[free] = np.sqrt(np.diag(np.linalg.pinv(inner)))
+    error = np.where(rate > 1e-12, _errors(x[y == 1], best.x, believed), np.inf)
     return LossFit(tuple(map(float, rate)), tuple(map(float, error)), float(-best.fun))
+
+
+def _errors(
+    hits: npt.NDArray[np.float64],
+    rate: npt.NDArray[np.float64],
+    believed: npt.NDArray[np.float64] | None,
+) -> npt.NDArray[np.float64]:
+    """Return standard errors (k,) of the most likely rates (k,), infinite at 0; `hits` (losses, k) are the
+    exposures of lost tracks.
+    """
+    s = hits @ rate
+    p = np.maximum(-np.expm1(-s), 1e-12)
+    information = (hits * (np.exp(-s) / p**2)[:, None]).T @ hits
+    error = np.full(len(rate), np.inf)
+    if believed is None:
+        free = rate > 1e-12
+        error[free] = np.sqrt(np.diag(np.linalg.pinv(information[np.ix_(free, free)])))
+        return error
+    # of logarithms; what the likelihood pulls by at its mode is what the belief pulls back by
+    information = np.outer(rate, rate) * information + _belief(np.eye(len(rate)))
+    information -= np.diag(_belief(np.log(rate / believed)))
+    return rate * np.sqrt(np.diag(np.linalg.inv(information)))
+
+
+def _belief(away: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return the inverse covariance of the believed logarithms of rates times `away`, (k,) or (k, m).
+
+    The covariance is `PRIOR_APART`^2 I + `PRIOR_SPREAD`^2 J, J all ones; its inverse is by Sherman and
+    Morrison's formula.
+    """
+    own, shared = PRIOR_APART**2, PRIOR_SPREAD**2
+    together: npt.NDArray[np.float64] = away.sum(axis=0) * shared / (own + len(away) * shared)
+    return (away - together) / own
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -163,6 +164,42 @@ def test_one_loss_over_centimetres_leaves_a_finite_rate() -> None:
     assert believed.rate_per_m[0] == pytest.approx(alone.rate_per_m[0], rel=0.08)
     with pytest.raises(ProblemError, match="2 positive ones"):
         fit_loss(exposure, lost, (0.0, 0.15))
+
+
+@pytest.mark.parametrize("lost", [0, 2, 10])
+def test_a_rate_and_its_error_are_those_of_bayes_rule_on_a_grid(lost: int) -> None:
+    log_rate = np.linspace(-15.0, 3.0, 40_001)
+    rate = np.exp(log_rate)
+    deviation = math.hypot(math.log(4.0), math.log(2.0))
+    posterior = lost * np.log(-np.expm1(-3.0 * rate)) - 3.0 * rate * (30 - lost)
+    posterior -= 0.5 * ((log_rate - math.log(0.05)) / deviation) ** 2
+    weight = np.exp(posterior - posterior.max())
+    weight /= weight.sum()
+    found = fit_loss(np.full((30, 1), 3.0), np.arange(30) < lost, [0.05])
+    assert found.rate_per_m[0] == pytest.approx(rate[posterior.argmax()], rel=2e-3)
+    spread = math.sqrt(float(weight @ (log_rate - weight @ log_rate) ** 2))
+    assert found.standard_error[0] / found.rate_per_m[0] == pytest.approx(spread, rel=0.1)
+
+
+@pytest.mark.parametrize("times", [0.1, 1.0, 5.0])
+def test_odds_learned_from_twenty_days_are_within_their_error_of_the_truth(times: float) -> None:
+    rng = np.random.default_rng(round(10 * times))
+    believed = np.array([0.0048, 0.05, 0.15, 1.0 / 26.0])
+    errors, least = [], math.inf
+    for _ in range(60):
+        rates = times * believed * rng.lognormal(0.0, 0.7, 4)
+        exposure = np.column_stack([  # seven tracks a day, as on the days of three targets
+            rng.uniform(0, 8, 140), rng.exponential(5.0, 140), rng.exponential(0.1, 140),
+            rng.random(140) < 0.4,
+        ])  # fmt: skip
+        chance = -np.expm1(-exposure @ rates)
+        found = fit_loss(exposure, rng.random(140) < chance, believed)
+        said = -np.expm1(-exposure @ np.array(found.rate_per_m))
+        errors.append((said.sum() - chance.sum()) / math.sqrt(float((chance * (1 - chance)).sum())))
+        least = min(least, float(said.sum()))
+    assert 0.5 < math.sqrt(float(np.square(errors).mean())) < 1.25
+    assert abs(float(np.mean(errors))) < 0.6
+    assert least > 0.2
 
 
 def test_what_is_written_keeps_to_the_published_schema() -> None:
