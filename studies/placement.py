@@ -28,6 +28,7 @@ import json
 import math
 import time
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -41,7 +42,7 @@ from rover_iface.errors import CameraError, RenderError
 from rover_iface.frames import Pose
 from rover_iface.placement import PlacementVerdict, SafetyLimits, plan_placement, segment
 from rover_iface.placement.arm import Arm, ArmRefusal, Posture
-from rover_iface.placement.base_adjustment import FARTHEST_MOVE_M, MOST_TURN_RAD
+from rover_iface.placement.base_adjustment import FARTHEST_MOVE_M, MOST_TURN_RAD, mast_eye
 from rover_iface.placement.cloud import SurfaceCloud
 from rover_iface.placement.cloud_alignment import Alignment, align
 from rover_iface.placement.narrow_looks import NarrowLook
@@ -199,12 +200,19 @@ class Attempt:
 
 
 def attempt(
-    rock: RockScene, picked: Array, at: Array, off_m: Array, number: int, rendered: bool, views_left: int
+    rock: RockScene,
+    picked: Array,
+    at: Array,
+    off_m: Array,
+    rendered: bool,
+    views_left: int,
+    seen_from: Sequence[Array],
 ) -> Attempt:
     """Return what comes of a point that was picked (3,), handed off to `at` (3,) and tracked with an error
-    `off_m` (2,), m (`spot`), from stand `number`; while there are `views_left` that may be a move to another.
+    `off_m` (2,), m (`spot`); while there are `views_left` that may be a move to another stand than those
+    with the mast's eye at `seen_from` (3,), from which it was seen before.
     """
-    seed = rock.seed + number * STAND_SEED
+    seed = rock.seed + len(seen_from) * STAND_SEED
     hazcam, navcam = rock.hazcam, rock.navcam(at)
     if rendered:
         cloud, mast = hazcam.rendered_cloud(seed), navcam.rendered_cloud(seed + MAST_SEED)
@@ -229,21 +237,24 @@ def attempt(
         second=None if trusted is None else trusted.cloud,
         narrow=narrow,
         views_left=views_left,
+        seen_from=seen_from,
     )
     return Attempt(rock, picked, at, meant, cloud, found, laid, navcam, verdict, len(looks))
 
 
 def attempts(rock: RockScene, rendered: bool) -> list[Attempt]:
     """Return what comes of a rock from each stand in turn, moved as the `full` rover moves."""
+    profile = load_profile("k9")
     picked, at = designated(rock)
     off_m = np.random.default_rng([rock.seed, 0x5107]).normal(0.0, SPOT_M, 2)
     stand, views_left, there = HERE, MOVES, picked
-    tried = [attempt(rock, there, at, off_m, 0, rendered, views_left)]
-    number = 0
+    tried = [attempt(rock, there, at, off_m, rendered, views_left, [])]
+    eyes: list[Array] = []
     while views_left and (move := tried[-1].verdict.base_move) is not None:
         if move.distance_m <= FARTHEST_MOVE_M and abs(move.turn_rad) <= MOST_TURN_RAD:
-            number, views_left = number + 1, views_left - 1
-            rng = np.random.default_rng([rock.seed, 0x3072, number])
+            eyes.append(np.asarray(stand.site_from_rover.apply(mast_eye(profile)), dtype=np.float64))
+            views_left -= 1
+            rng = np.random.default_rng([rock.seed, 0x3072, len(eyes)])
             ahead, aside, turned = (float(v) for v in rng.standard_normal(3) * (DRIVE_M, DRIVE_M, DRIVE_RAD))
             pose = move.pose
             ended = replace(pose, x=pose.x + ahead, y=pose.y + aside, heading=pose.heading + turned)
@@ -254,7 +265,9 @@ def attempts(rock: RockScene, rendered: bool) -> list[Attempt]:
             off_m = rng.normal(0.0, SPOT_M, 2)
         else:
             views_left = 0
-        tried.append(attempt(rock, there, at, off_m, number, rendered, views_left))
+        rover = stand.site_from_rover.inverse()
+        seen_from = [np.asarray(rover.apply(eye), dtype=np.float64) for eye in eyes]
+        tried.append(attempt(rock, there, at, off_m, rendered, views_left, seen_from))
     return tried
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -28,7 +28,7 @@ from rover_iface.errors import CameraError, PlacementError, RenderError, RoverEr
 from rover_iface.frames import Pose
 from rover_iface.placement.arm import Arm, ArmRefusal
 from rover_iface.placement.arm_motion import Motion, Obstacles, plan_motion
-from rover_iface.placement.base_adjustment import base_move, view_move
+from rover_iface.placement.base_adjustment import base_move, mast_eye, view_move
 from rover_iface.placement.base_placement import REACH_SHARE
 from rover_iface.placement.cloud import SurfaceCloud
 from rover_iface.placement.cloud_alignment import Alignment
@@ -102,15 +102,17 @@ class ArmPlacing(Placing):
         if stand is not None and not self.eyes.sees(followed):
             yield from self.moves.to(followed, stand)
         views_left = MOVES
+        seen_from: list[Array] = []
         refused: TrackerError | None = None
         while True:
             attempt: Attempt | None = None
             try:
-                attempt = yield from self._attempt(followed, views_left)
+                attempt = yield from self._attempt(followed, views_left, seen_from)
             except TrackerError as err:
                 refused = refused or err
-            move = self._move_after(followed, attempt) if views_left else None
+            move = self._move_after(followed, attempt, seen_from) if views_left else None
             moved = False
+            eye = self.hardware.believed.site_from_rover.apply(mast_eye(self.hardware.profile))
             if move is not None:
                 wanted = self.hardware.believed.site_from_rover * move.pose.site_from_rover
                 moved = yield from self.moves.to(followed, Pose.from_transform(wanted))
@@ -119,10 +121,14 @@ class ArmPlacing(Placing):
             if attempt is None and not moved:
                 assert refused is not None
                 raise refused
+            if moved:
+                seen_from.append(np.asarray(eye, dtype=np.float64))
             # where the rover cannot go it decides by what it sees from here
             views_left = views_left - 1 if moved else 0
 
-    def _move_after(self, followed: Followed, attempt: Attempt | None) -> BaseMove | None:
+    def _move_after(
+        self, followed: Followed, attempt: Attempt | None, seen_from: Sequence[Array]
+    ) -> BaseMove | None:
         """Return the move after an attempt, or after a hand-off that was refused, by which more may be known;
         None where nothing is to be hoped for.
         """
@@ -130,11 +136,11 @@ class ArmPlacing(Placing):
             move = attempt.verdict.base_move or self._nearer(attempt)
             if move is not None or attempt.verdict.reason is not Reason.OUTSIDE_CLOUD:
                 return move
-        return self._another_side(followed)
+        return self._another_side(followed, seen_from)
 
-    def _another_side(self, followed: Followed) -> BaseMove | None:
-        """Return a move to where a target is seen from another side, None where there is none; nothing is
-        known of its face.
+    def _another_side(self, followed: Followed, seen_from: Sequence[Array]) -> BaseMove | None:
+        """Return a move to where a target is seen from another side than from here and from the places (3,)
+        of `seen_from`, site frame, m; None where there is none. Nothing is known of its face.
         """
         rover_from_site = self.hardware.believed.site_from_rover.inverse()
         try:
@@ -142,7 +148,8 @@ class ArmPlacing(Placing):
         except (CameraError, RenderError):
             return None
         at = np.asarray(rover_from_site.apply(followed.update.position), dtype=np.float64)
-        move = view_move(cloud, self.hardware.profile, at, np.asarray(cloud.up))
+        eyes = [np.asarray(rover_from_site.apply(eye), dtype=np.float64) for eye in seen_from]
+        move = view_move(cloud, self.hardware.profile, at, np.asarray(cloud.up), eyes)
         return None if isinstance(move, str) else move
 
     def _nearer(self, attempt: Attempt) -> BaseMove | None:
@@ -185,9 +192,10 @@ class ArmPlacing(Placing):
         self.follower.forget(name)
         return Outcome(True, values=values)
 
-    def _attempt(self, followed: Followed, views_left: int) -> Doing[Attempt]:
+    def _attempt(self, followed: Followed, views_left: int, seen_from: Sequence[Array]) -> Doing[Attempt]:
         """Return what comes of a placement from here; while there are `views_left` that may be a move to see
-        the target from another side (`plan_placement`).
+        the target from another side (`plan_placement`) than from the places (3,) of `seen_from`, site frame,
+        m.
 
         Raises
         ------
@@ -207,7 +215,8 @@ class ArmPlacing(Placing):
         if mast is not None and laid is not None and pixel is not None:
             spot = meant_on(laid, mast.left_camera.transformed(rover_from_site), pixel, at)
             at = at if spot is None else spot
-        obstacles = Obstacles.of(self.hardware.profile, cloud.points)
+        shown = cloud.points if laid is None else np.concatenate((cloud.points, laid.cloud.points))
+        obstacles = Obstacles.of(self.hardware.profile, shown)
 
         def way(point: Array, normal: Array) -> Motion | ArmRefusal:
             return plan_motion(self.arm, obstacles, point, normal)
@@ -229,6 +238,7 @@ class ArmPlacing(Placing):
             second=None if laid is None else laid.cloud,
             narrow=narrow if carried(self.cameras.rig) else None,
             views_left=views_left,
+            seen_from=[rover_from_site.apply(eye) for eye in seen_from],
         )
         motion = verdict.posture if isinstance(verdict.posture, Motion) else None
         touch = None

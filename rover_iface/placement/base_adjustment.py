@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -48,7 +49,14 @@ def base_move(
     return stands if isinstance(stands, str) else _move(min(stands, key=_cost))
 
 
-def view_move(cloud: SurfaceCloud, profile: RoverProfile, point: Array, normal: Array) -> BaseMove | str:
+def mast_eye(profile: RoverProfile) -> Array:
+    """Return where (3,), m, rover frame, the mast's cameras look from."""
+    return np.array((*profile.mast.base_m[:2], profile.mast.height_m))
+
+
+def view_move(
+    cloud: SurfaceCloud, profile: RoverProfile, point: Array, normal: Array, seen_from: Sequence[Array] = ()
+) -> BaseMove | str:
     """Return the move to a stand from which the mast sees `point` from another side and the arm reaches it,
     or why there is none: of those within a short move the one that faces the surface most.
 
@@ -56,7 +64,8 @@ def view_move(cloud: SurfaceCloud, profile: RoverProfile, point: Array, normal: 
     ground's own shape tells where to stand.
 
     All in the rover frame; `point` (3,), m, lies on the surface and `normal` (3,) is its outward unit normal,
-    as far as it is known.
+    as far as it is known. `seen_from` are the places (3,), m, of the mast's eye (`mast_eye`) at stands from
+    which it was seen before: they count as the present one does.
     """
     why = ""
     for face in (normal, None):
@@ -64,30 +73,39 @@ def view_move(cloud: SurfaceCloud, profile: RoverProfile, point: Array, normal: 
         if isinstance(stands, str):
             why = why or stands
             continue
-        facing = _facing(stands, profile, point, normal)
+        facing = _facing(stands, profile, point, normal, seen_from)
         if facing:
             return _move(max(facing, key=lambda one: one[0])[1])
     return why or "no stand within a short move shows the place from another side"
 
 
 def _facing(
-    stands: list[ObservationPoint], profile: RoverProfile, point: Array, normal: Array
+    stands: list[ObservationPoint],
+    profile: RoverProfile,
+    point: Array,
+    normal: Array,
+    seen_from: Sequence[Array],
 ) -> list[tuple[float, ObservationPoint]]:
-    """Return the stands within a short move from which the mast sees a point (3,) from another side, each
-    after the cosine between the line of sight and the normal (3,).
+    """Return the stands within a short move from which the mast sees a point (3,) from another side than from
+    here and from the places `seen_from` (3,), each after the cosine between the line of sight and the normal
+    (3,).
     """
-    mast = np.array((*profile.mast.base_m[:2], profile.mast.height_m))
-    here = mast - point
+    mast = mast_eye(profile)
+    before = [_bearing(eye - point) for eye in (mast, *seen_from)]
     facing = []
     for stand in stands:
         move = _move(stand)
         there = np.asarray(stand.pose.site_from_rover.apply(mast)) - point
-        turned = wrap_angle(math.atan2(there[1], there[0]) - math.atan2(here[1], here[0]))
+        turned = min(abs(wrap_angle(_bearing(there) - one)) for one in before)
         if move.distance_m > FARTHEST_MOVE_M or abs(move.turn_rad) > MOST_TURN_RAD:
             continue
-        if abs(turned) >= ANOTHER_SIDE_RAD:
+        if turned >= ANOTHER_SIDE_RAD:
             facing.append((float(there @ normal) / float(np.linalg.norm(there)), stand))
     return facing
+
+
+def _bearing(way: Array) -> float:
+    return math.atan2(way[1], way[0])
 
 
 def _stands(

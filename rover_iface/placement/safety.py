@@ -14,6 +14,7 @@ anything beside it, and the arm is asked.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,7 +28,7 @@ from rover_iface.placement.narrow_looks import NarrowLook, NarrowLooks
 from rover_iface.placement.patch_check import Judged, PatchCheck
 from rover_iface.placement.safety_limits import SafetyLimits
 from rover_iface.placement.search import ArmCheck, Search
-from rover_iface.placement.second_labels import SECOND_EDGE_PX, second_labels
+from rover_iface.placement.second_labels import SECOND_EDGE_PX, first_label, second_labels
 from rover_iface.placement.segmentation import (
     GROUND,
     Segmentation,
@@ -51,6 +52,7 @@ def plan_placement(
     second: SurfaceCloud | None = None,
     narrow: NarrowLook | None = None,
     views_left: int = 0,
+    seen_from: Sequence[npt.ArrayLike] = (),
 ) -> PlacementVerdict:
     """Return whether and where the tool may be put on the rock that holds `designated_point`.
 
@@ -79,9 +81,11 @@ def plan_placement(
         `cloud`; None on a rover without one.
     views_left
         How many moves of the base to see the designated point from another side the rover may still make.
-        With more than one the verdict is such a move where that point is not known well enough to be taken,
-        and nothing that is known speaks against it; with one, where no place is found among some that are not
-        known well enough.
+        The verdict is such a move where that point is not known well enough to be taken, and nothing that is
+        known speaks against it; or where no place is found among some that are not known well enough.
+    seen_from
+        Places (3,), m, rover frame, of the mast's eye (`base_adjustment.mast_eye`) at stands from which the
+        point was seen before: from there nothing new is to be seen.
 
     Raises
     ------
@@ -96,19 +100,21 @@ def plan_placement(
     found = segmentation if segmentation is not None else segment(cloud, SegmentationOptions())
     if len(found.labels) != len(cloud):
         raise PlacementError(f"the segmentation has {len(found.labels)} labels for {len(cloud)} points")
-    away = float(cloud.tree.query(at)[0])
+    second = second if second is not None and len(second) else None
+    away = min(float(one.tree.query(at)[0]) for one in (cloud, second) if one is not None)
     if away > limits.search_m:
         return _refused(Finding(Reason.OUTSIDE_CLOUD, away, limits.search_m, "m"))
     if found.ground is None and rock_only:
         return _refused(Finding(Reason.NO_GROUND, 0.0, SegmentationOptions().ground.least_share))
-    label, miss = _label_at(cloud, found, at, limits, rock_only)
+    label, miss = _label_at(cloud, found, at, limits, rock_only, second)
     if miss is not None:
         return _refused(miss)
     check = _checks(cloud, found, label, at, profile, limits, axis, second)
     rock = found.rocks[label] if label != GROUND else None
     ask = arm if arm is not None else Arm(profile.arm).solve
     looks = NarrowLooks(check, narrow, profile)
-    return _search(Search(check, at, ask, rock, looks), profile, views_left)
+    eyes = [_three(eye, "place from which the point was seen") for eye in seen_from]
+    return _search(Search(check, at, ask, rock, looks), profile, views_left, eyes)
 
 
 def _checks(
@@ -130,20 +136,22 @@ def _checks(
     return JointCheck(checks)
 
 
-def _search(search: Search, profile: RoverProfile, views_left: int) -> PlacementVerdict:
+def _search(
+    search: Search, profile: RoverProfile, views_left: int, seen_from: Sequence[Array]
+) -> PlacementVerdict:
     """Judge the designated point, then others of the same rock, the nearest first.
 
-    The designated point is taken if it is safe with some room. Where it is not known to be bad, it is looked
-    at from another side while `views_left` are more than one: one is left for where no place is found. Else
-    the nearest calm point that the arm reaches; without one, the nearest where it would tilt the tool;
+    The designated point is taken if it is safe with some room, or a place that is as near to it as it is
+    known. Where it is not known to be bad, it is looked at from another side while there are `views_left`.
+    Else the nearest calm point that the arm reaches; without one, the nearest where it would tilt the tool;
     without one, the safe one of least strain. Where none is safe, the search is done again in finer steps,
     and then the one is taken that bears a close look best. Where there is a narrow pair it looks at each
     place before it is taken, and of places beside the designated point only those are taken that it knows.
     """
-    meant = search.designated()
+    meant = search.designated() or search.as_near_as_known()
     if meant is not None:
         return meant
-    if views_left > 1 and search.hopeful and (view := search.from_another_side(profile)) is not None:
+    if views_left and search.hopeful and (view := search.from_another_side(profile, seen_from)) is not None:
         return view
     for coarse in (2.5, 1.0):
         verdict = search.sweep(coarse)
@@ -154,17 +162,29 @@ def _search(search: Search, profile: RoverProfile, views_left: int) -> Placement
     close = sorted(search.close, key=lambda one: one.close_strain)
     found = search.first_reached(close) or search.by_looks()
     if found is None and views_left > 0 and search.unsure and search.out_of_reach is None:
-        found = search.from_another_side(profile)
+        found = search.from_another_side(profile, seen_from)
     return found or search.not_placed(profile)
 
 
 def _label_at(
-    cloud: SurfaceCloud, found: Segmentation, at: Array, limits: SafetyLimits, rock_only: bool
+    cloud: SurfaceCloud,
+    found: Segmentation,
+    at: Array,
+    limits: SafetyLimits,
+    rock_only: bool,
+    second: SurfaceCloud | None,
 ) -> tuple[int, Finding | None]:
-    """Return the label of the rock that the designated point is on, or why there is none."""
+    """Return the label of the rock that the designated point is on, or why there is none.
+
+    In a hole of the first cloud the second tells.
+    """
     from scipy.spatial import cKDTree
 
-    label = int(found.labels[int(cloud.tree.query(at)[1])])
+    away, nearest = cloud.tree.query(at)
+    if away > limits.search_m and second is not None:
+        label = first_label(second, at, cloud, found)
+    else:
+        label = int(found.labels[int(nearest)])
     if label != GROUND or not rock_only:
         return label, None
     on_rock = np.flatnonzero(found.labels != GROUND)

@@ -47,6 +47,24 @@ def second_labels(
     return np.where(np.isfinite(distance) & (same == label), label, GROUND)
 
 
+def first_label(second: SurfaceCloud, at: Array, first: SurfaceCloud, found: Segmentation) -> int:
+    """Return the label in the first cloud of the rock that the second shows at a point (3,) where the first
+    has a hole; GROUND where it shows none.
+
+    That is what the first has most of the second's rock as. Where the two have not the same ground it is the
+    label of the nearest point of the first.
+    """
+    own = segment(second, OPTIONS)
+    if not _same_ground(own, found, at):
+        return int(found.labels[int(first.tree.query(at)[1])])
+    here = own.labels[int(second.tree.query(at)[1])]
+    if here == GROUND:
+        return GROUND
+    away, nearest = first.tree.query(second.points[own.labels == here], distance_upper_bound=SAME_PLACE_M)
+    labels, counts = np.unique(found.labels[nearest[np.isfinite(away)]], return_counts=True)
+    return int(labels[counts.argmax()]) if len(labels) else GROUND
+
+
 def _same_ground(own: Segmentation, found: Segmentation, at: Array) -> bool:
     if own.plane is None or found.plane is None:
         return False

@@ -21,7 +21,7 @@ from rover_iface.placement.fused_check import FusedOptions, FusedSurface, fuse
 from rover_iface.placement.narrow_looks import MOST_LOOKS, NarrowLook, Sight
 from rover_iface.placement.patch_check import Judged, PatchCheck
 from rover_iface.placement.safety_limits import SafetyLimits
-from rover_iface.placement.search import Search
+from rover_iface.placement.search import SPOT_KNOWN_M, Search
 from rover_iface.placement.segmentation import Segmentation
 from rover_iface.placement.verdict import Finding
 from rover_iface.profile import RoverProfile, load_profile
@@ -144,7 +144,9 @@ def on_top() -> Array:
     return np.asarray(np.array([x, y, 0.0]) + way)
 
 
-def narrow_sheet(at: Array, rise_m: float = 0.0, width_m: float = 0.004) -> SurfaceCloud:
+def narrow_sheet(
+    at: Array, rise_m: float = 0.0, width_m: float = 0.004, beside_m: float = 0.012
+) -> SurfaceCloud:
     """What a narrow pair ranges of the first dome within 6 cm of a point; something stands up beside it."""
     x, y, half, height = ROCKS[0]
     line = np.arange(-0.06, 0.06, PITCH_M)
@@ -160,7 +162,7 @@ def narrow_sheet(at: Array, rise_m: float = 0.0, width_m: float = 0.004) -> Surf
     with np.errstate(invalid="ignore"):
         far = (-b - np.sqrt(b * b - a * ((start**2).sum() - 1.0))) / a
     points = MAST + far[..., None] * (aim_at - MAST)
-    near = np.linalg.norm(points - at - 0.012 * side, axis=-1) < width_m
+    near = np.linalg.norm(points - at - beside_m * side, axis=-1) < width_m
     points = points - np.where(near, rise_m, 0.0)[..., None] * ray
     cloud = cloud_of_points(points, sigma_m=0.001, eye=MAST)
     return cloud.subset(cloud.points[:, 2] > 0.0)
@@ -327,6 +329,19 @@ def test_a_surface_that_ends_unseen_beside_the_tool_is_told(k9: RoverProfile) ->
     assert found.hole_m < FusedOptions().most_hole_m
     assert found.ending_m > FusedOptions().most_hole_m
     assert surface(sheet(PITCH_M), sheet(0.004), k9).ending_m < 0.01
+
+
+def test_a_spike_at_the_rim_is_left_behind_by_no_more_than_the_point_itself_is_known(
+    k9: RoverProfile,
+) -> None:
+    # 48235: the point was left for a place 26 mm beside it, for a protrusion 4 mm beside the tool
+    spiked = narrow_sheet(on_top(), 0.026, 0.006, k9.arm.tool_radius_m + 0.006)
+    verdict = placed(k9, lambda _: spiked)
+    assert verdict.decision is Decision.PLACE_NEAR
+    assert verdict.findings[-1].reason is Reason.PROTRUSION
+    assert 0.0 < verdict.distance_m < max(SPOT_KNOWN_M) + 0.002
+    inside = narrow_sheet(on_top(), 0.026, 0.006, k9.arm.tool_radius_m - 0.010)
+    assert placed(k9, lambda _: inside).distance_m > max(SPOT_KNOWN_M) + 0.002
 
 
 def test_a_calm_place_is_taken_before_a_nearer_one_that_the_narrow_pair_shows_less_calm(

@@ -135,6 +135,31 @@ def test_what_one_cloud_does_not_show_the_other_vouches_for(k9: RoverProfile) ->
     ).decision in (Decision.PLACE, Decision.MOVE_BASE)
 
 
+def test_a_point_in_a_wide_hole_of_the_first_cloud_is_on_the_rock_that_the_second_shows_there(
+    k9: RoverProfile,
+) -> None:
+    # the full rover takes no place 15 mm off, and refused what lay so far from the hazcams' cloud
+    limits = SafetyLimits(search_m=0.015)
+    first = without(hazcam()[0], on_top(), 0.03)
+    alone = plan_placement(first, on_top(), k9, limits=limits)
+    assert alone.reason is Reason.OUTSIDE_CLOUD
+    both = plan_placement(first, on_top(), k9, limits=limits, second=mast())
+    assert both.decision in (Decision.PLACE, Decision.MOVE_BASE)
+    assert both.rock is not None
+    assert np.linalg.norm(both.rock.centroid[:2] - ROCKS[0][:2]) < 0.1
+    neither = plan_placement(first, on_top(), k9, limits=limits, second=without(mast(), on_top(), 0.03))
+    assert neither.reason is Reason.OUTSIDE_CLOUD
+
+
+def test_a_point_in_a_hole_of_the_first_cloud_where_the_second_shows_ground_is_on_no_rock(
+    k9: RoverProfile,
+) -> None:
+    on_ground = np.array([0.75, 0.3, 0.0])
+    first = without(hazcam()[0], on_ground, 0.03)
+    verdict = plan_placement(first, on_ground, k9, limits=SafetyLimits(search_m=0.015), second=mast())
+    assert verdict.reason is Reason.NO_ROCK
+
+
 def test_what_stands_up_in_one_cloud_alone_is_against_the_place(k9: RoverProfile) -> None:
     at = on_top()
     near = np.linalg.norm(mast().points - at, axis=1) < 0.012

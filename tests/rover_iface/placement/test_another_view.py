@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from functools import lru_cache, partial
 from types import SimpleNamespace
 from typing import Any, cast
@@ -20,7 +20,6 @@ from rover_iface.frames import Pose, wrap_angle
 from rover_iface.placement import (
     Decision,
     PlacementVerdict,
-    SafetyLimits,
     SurfaceCloud,
     plan_placement,
     segment,
@@ -30,6 +29,7 @@ from rover_iface.placement.base_adjustment import (
     ANOTHER_SIDE_RAD,
     FARTHEST_MOVE_M,
     MOST_TURN_RAD,
+    mast_eye,
     view_move,
 )
 from rover_iface.placement.cloud import Array, cloud_of_points
@@ -78,18 +78,23 @@ def test_a_point_in_a_hole_is_looked_at_from_another_side_before_a_place_beside_
     assert [f.reason for f in there.findings] == [f.reason for f in here.findings]
 
 
-def test_the_last_view_is_left_for_where_no_place_is_found(k9: RoverProfile) -> None:
+def test_every_view_is_for_the_designated_point_before_a_place_beside_it(k9: RoverProfile) -> None:
+    """With one view left a place beside it was taken though its surface was not known (48232)."""
     cloud = seen(0.03)
     found = segment(cloud)
 
     def reached(point: Array, normal: Array) -> Posture:
         return Posture(np.zeros(5), 0.0)
 
-    decide = partial(plan_placement, cloud, spot()[0], k9, segmentation=found, arm=reached, views_left=1)
-    assert decide().decision is Decision.PLACE_NEAR
-    only_there = decide(limits=SafetyLimits(search_m=0.032))
-    assert only_there.decision is Decision.MOVE_BASE
-    assert only_there.distance_m == 0.0
+    decide = partial(plan_placement, cloud, spot()[0], k9, segmentation=found, arm=reached)
+    for views_left in (2, 1):
+        verdict = decide(views_left=views_left)
+        assert verdict.decision is Decision.MOVE_BASE
+        assert verdict.distance_m == 0.0
+    assert decide(views_left=0).decision is Decision.PLACE_NEAR
+    # from all around it was seen before
+    around = [spot()[0] + np.array([math.cos(t), math.sin(t), 1.0]) for t in np.arange(0.0, math.tau, 0.4)]
+    assert decide(views_left=1, seen_from=around).decision is Decision.PLACE_NEAR
 
 
 def test_a_point_that_is_safe_from_here_is_taken_from_here(k9: RoverProfile) -> None:
@@ -131,6 +136,18 @@ def test_the_stand_shows_another_side_within_a_short_move_and_the_arm_holds_the_
     assert isinstance(Arm(k9.arm).solve(rover.apply(at), rover.rotate(normal)), Posture)
 
 
+def test_a_second_move_does_not_go_back_to_a_side_that_was_seen(k9: RoverProfile) -> None:
+    at, normal = spot()
+    first = view_move(seen(0.03), k9, at, normal)
+    assert not isinstance(first, str)
+    there = np.asarray(first.pose.site_from_rover.apply(mast_eye(k9)), dtype=np.float64)
+    second = view_move(seen(0.03), k9, at, normal, [there])
+    assert not isinstance(second, str)
+    eyes = [mast_eye(k9), there, second.pose.site_from_rover.apply(mast_eye(k9))]
+    ways = [math.atan2(*(eye - at)[1::-1]) for eye in eyes]
+    assert min(abs(wrap_angle(ways[2] - way)) for way in ways[:2]) >= ANOTHER_SIDE_RAD
+
+
 def test_without_ground_to_stand_on_the_reason_is_told(k9: RoverProfile) -> None:
     at, normal = spot()
     few = cloud_of_points(np.random.default_rng(0).normal(0.0, 1.0, (40, 3)), eye=EYE)
@@ -152,7 +169,8 @@ class Bench(ArmPlacing):
         self.asked, self.goes = asked, goes
         self.views: list[int] = []
         self.driving: Any = SimpleNamespace(stand=lambda name: None)
-        self.hardware: Any = SimpleNamespace(believed=Pose(0.0, 0.0))
+        self.hardware: Any = SimpleNamespace(believed=Pose(0.0, 0.0), profile=load_profile("k9"))
+        self.seen: list[int] = []
         self.moves: Any = SimpleNamespace(to=self._to)
 
     def _to(self, followed: object, pose: Pose) -> Generator[Step, None, bool]:
@@ -162,9 +180,12 @@ class Bench(ArmPlacing):
     def _nearer(self, attempt: Attempt) -> BaseMove | None:
         return None
 
-    def _attempt(self, followed: Followed, views_left: int) -> Generator[Step, None, Attempt]:
+    def _attempt(
+        self, followed: Followed, views_left: int, seen_from: Sequence[Array]
+    ) -> Generator[Step, None, Attempt]:
         yield Step(1, 1.0)
         self.views.append(views_left)
+        self.seen.append(len(seen_from))
         asked = self.asked.pop(0)
         if asked == REFUSED:
             raise TrackerError(f"{REFUSED} with {views_left} left")
@@ -172,7 +193,7 @@ class Bench(ArmPlacing):
         move = MOVE if asked is True else None
         return cast("Attempt", SimpleNamespace(verdict=SimpleNamespace(base_move=move, reason=reason)))
 
-    def _another_side(self, followed: Followed) -> BaseMove | None:
+    def _another_side(self, followed: Followed, seen_from: Sequence[Array]) -> BaseMove | None:
         return MOVE
 
     def tried(self) -> list[int]:
@@ -186,6 +207,15 @@ class Bench(ArmPlacing):
 def test_each_move_leaves_one_view_less() -> None:
     assert Bench([True, False], goes=True).tried() == [2, 1]
     assert Bench([True, True, True], goes=True).tried() == [2, 1, 0]
+
+
+def test_each_stand_is_told_from_where_the_target_was_seen_before() -> None:
+    far = Bench([True, True, False], goes=True)
+    far.tried()
+    assert far.seen == [0, 1, 2]
+    stuck = Bench([True, False], goes=False)
+    stuck.tried()
+    assert stuck.seen == [0, 0]
 
 
 def test_where_the_rover_cannot_go_it_decides_by_what_it_sees_from_here() -> None:
