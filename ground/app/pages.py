@@ -34,9 +34,10 @@ class _Page(APIRoute):
 def install_pages(app: FastAPI, dist: Path = DIST) -> None:
     """Serve the UI: its files where they are, its start page for every other address that is not an API."""
 
+    # The application is the request's: what FastAPI keeps of a function that is asked stays with the process.
     @app.get("/api/v1/docs", include_in_schema=False)
-    async def docs() -> Response:
-        return HTMLResponse(docs_page(app))
+    async def docs(request: Request) -> Response:
+        return HTMLResponse(docs_page(request.app))
 
     @app.get("/openmct/outcrop.js", include_in_schema=False)
     async def open_mct() -> Response:

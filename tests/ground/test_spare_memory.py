@@ -6,11 +6,14 @@ import gc
 import subprocess
 import sys
 import time
+import weakref
 from pathlib import Path
 
 import pytest
 
 from ground import spare_memory
+from ground.app.service import build_app
+from ground.gdr.repository import Repository
 from ground.spare_memory import SpareMemory
 
 FRAGMENTED = """
@@ -45,6 +48,15 @@ def test_freed_memory_goes_back_and_only_of_a_process_that_worked() -> None:
     before, after, tried, again = done.stdout.split()
     assert (tried, again) == ("True", "False")
     assert float(after) < 0.6 * float(before)
+
+
+def test_a_service_that_nobody_holds_any_more_is_gone(sqlite_repo: Repository) -> None:
+    """With its database's compiled statements: a suite that opens thousands would hold them all."""
+    app = build_app(sqlite_repo, with_worker=False)
+    there = weakref.ref(app)
+    del app
+    gc.collect()
+    assert there() is None
 
 
 def test_without_the_function_nothing_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
