@@ -35,13 +35,12 @@ from planner.path_network.build import build_network
 from planner.path_network.calibration import (
     K9_CALIBRATION,
     Calibration,
-    LossFit,
     RegressionFit,
     fit_calibration,
-    fit_loss,
     fit_mean,
 )
 from planner.path_network.calibration_document import CALIBRATIONS, calibration_document
+from planner.path_network.rate_fit import LossFit, fit_failures, fit_loss
 from planner.path_network.values import (
     START,
     DriveRule,
@@ -85,6 +84,7 @@ __all__ = [
     "calibration_document",
     "fit_activity",
     "fit_calibration",
+    "fit_failures",
     "fit_loss",
     "fit_mean",
 ]

@@ -23,6 +23,10 @@ BELIEVED = 5.0
 """Activities that what was believed before is worth. By hand: half of the least that a calibration is made of
 (`driven_legs.FEWEST_LEGS`), so that ten that were seen weigh twice as much."""
 
+HALF = 0.5
+"""Of a failure: what is believed where no figure is known, as Jeffreys' prior of a rate has it (Gelman et al.
+2013, section 2.8)."""
+
 TRACK_START = "trackstart"
 """Kind of the activity that begins a track; others are named by their instrument."""
 

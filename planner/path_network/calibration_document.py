@@ -29,8 +29,8 @@ LEARNED = ("track_s", "fixed_j", "arrival_rate", "arrival_se", "activities")
 
 def calibration_document(calibration: Calibration) -> dict[str, Any]:
     """Return a calibration as a document, of the oldest version that says all of it: `calibration/2` where
-    nothing was learned of tracks' time and other activities, `calibration/1` where no drive failed either and
-    days are alike. Members of days stand only where days differ.
+    nothing was learned of tracks' time and other activities, `calibration/1` where no drive is said to fail
+    either and days are alike. Members of days stand only where days differ.
     """
     document = CALIBRATIONS.document(calibration)
     if calibration.track_s is not None or any(document[name] for name in LEARNED):

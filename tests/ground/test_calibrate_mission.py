@@ -215,7 +215,7 @@ def test_drives_that_ended_short_have_odds_and_those_that_lost_their_own_track_d
     found = calibrate_from_folders(repo, PLANNER, mission.id, [tmp_path / "run"]).calibration
     assert found is not None
     assert (found["format"], found["failures"], found["legs"]) == ("calibration/3", 3, 12)
-    assert found["fail_per_m"] == pytest.approx(3 / (16 * 3.0))
+    assert found["fail_per_m"] == pytest.approx((3 + 0.5) / ((16 + 5) * 3.0))
     target = create_target(repo, PLANNER, mission.id, TargetCreate(east_m=4.0, north_m=1.0))
     asked = ObservationRequestCreate(target_id=target.id, instrument="science_camera", value=5.0)
     create_request(repo, PLANNER, mission.id, asked)

@@ -262,7 +262,7 @@ def calibrate(
         lost=lost or None,
         own=own if any(own) else None,
         failures=sum(leg.failed for leg in legs),
-        tried_m=sum(leg.length_m for leg in legs),
+        tried_m=[leg.length_m for leg in legs if leg.duration_s > 0.0],
         day=[leg.run for leg in driven if leg.arrived],
         tracked=watched[arrived],
         track_overhead_s=rover.track_overhead_s,

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from planner.errors import ProblemError
 from planner.path_network import (
@@ -17,6 +18,7 @@ from planner.path_network import (
     K9_CALIBRATION,
     calibration_document,
     fit_calibration,
+    fit_failures,
     fit_loss,
     fit_mean,
 )
@@ -224,16 +226,41 @@ def test_drives_that_failed_have_a_rate_and_older_programs_read_what_has_none() 
     goal = rng.uniform(2.0, 12.0, 4000)
     stopped = rng.exponential(1.0 / 0.03, 4000)
     driven, short = np.minimum(goal, stopped), stopped < goal
-    fitted = fit_calibration(**given, failures=int(short.sum()), tried_m=float(driven.sum()))
+    fitted = fit_calibration(**given, failures=int(short.sum()), tried_m=driven)
     assert abs(fitted.fail_per_m - 0.03) < 3 * fitted.fail_se_per_m < 0.006
     document = calibration_document(fitted)
     assert document["format"] == "calibration/2"
     assert CALIBRATIONS.from_document(document) == fitted
     path = Path(__file__).parents[3] / "docs/formats/calibration-2.schema.json"
     pytest.importorskip("jsonschema").validate(document, json.loads(path.read_text(encoding="utf-8")))
-    none = fit_calibration(**given, failures=0, tried_m=100.0)
-    assert (none.fail_per_m, none.fail_se_per_m) == (0.0, 0.01)
-    assert calibration_document(none)["format"] == "calibration/1"
+    unknown = fit_calibration(**given)
+    assert (unknown.fail_per_m, unknown.fail_se_per_m) == (0.0, 0.0)
+    assert calibration_document(unknown)["format"] == "calibration/1"
+
+
+def test_no_failure_in_few_metres_says_little_and_in_many_much() -> None:
+    few, few_error = fit_failures(0, [3.0] * 2)
+    many, many_error = fit_failures(0, [3.0] * 400)
+    assert 0.05 < -math.expm1(-3.0 * few) < 0.1  # of one drive; one of ten was believed
+    assert 0.0 < -math.expm1(-3.0 * many) < 0.002
+    assert few_error > few
+    assert many_error < 0.002
+    rates = [fit_failures(0, [3.0] * n)[0] for n in range(1, 40)]
+    assert rates == sorted(rates, reverse=True)
+
+
+@pytest.mark.parametrize(("failures", "believed"), [(0, 0.0), (4, 0.0), (4, 0.05)])
+def test_a_rate_of_failures_is_that_of_bayes_rule_on_a_grid(failures: int, believed: float) -> None:
+    tried = np.linspace(1.0, 9.0, 30)
+    worth = 5.0 * 5.0  # five drives of the mean length
+    rate = np.linspace(0.0, 1.0, 400_001)[1:]
+    weight = stats.gamma.pdf(rate, believed * worth if believed else 0.5, scale=1.0 / worth)
+    weight = weight * stats.poisson.pmf(failures, rate * tried.sum())
+    weight /= weight.sum()
+    mean = float(weight @ rate)
+    found, error = fit_failures(failures, tried, believed)
+    assert found == pytest.approx(mean, rel=2e-2)
+    assert error == pytest.approx(math.sqrt(float(weight @ (rate - mean) ** 2)), rel=2e-2)
 
 
 def drives_of_days(
