@@ -20,7 +20,7 @@ from ground.uplink.training import Team, make_team
 from rover_iface.terrain import write_terrain
 from tests.ground.approving import registered, signed_by_all, waived
 from tests.ground.conftest import Api, open_api, settings_for, yard
-from tests.ground.test_day_over_rest import file_requests, finished, planned
+from tests.ground.planning import file_requests, finished, planned
 from tests.rover_iface.worlds import plane
 
 

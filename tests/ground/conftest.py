@@ -35,6 +35,7 @@ from ground.resources.missions.value import Mission
 from ground.resources.people.accounts import ensure_profiles
 from ground.resources.sols.create_sol import create_sol
 from ground.settings import Settings, load_settings
+from tests.ground.planning import KeptDay, PlannedDay, plan_day
 from tests.ground.s3 import s3_server  # noqa: F401 - a fixture; one server for all modules
 
 PLANNER = Actor("Planner", Role.PLANNER)
@@ -88,9 +89,10 @@ class PostgresServer:
     address: str
     template: str
 
-    def clone(self) -> str:
+    def clone(self, template: str = "") -> str:
+        """Return the address of a copy of a database, or of the template; nobody may be connected to it."""
         name = f"outcrop_test_{secrets.token_hex(6)}"
-        self.run(f'CREATE DATABASE "{name}" TEMPLATE "{self.template}"')
+        self.run(f'CREATE DATABASE "{name}" TEMPLATE "{template or self.template}"')
         return make_url(self.address).set(database=name).render_as_string(hide_password=False)
 
     def drop(self, address: str) -> None:
@@ -142,7 +144,10 @@ def settings_for(folder: Path, address: str = "", **more: Any) -> Settings:
     return load_settings(data_dir=folder, database_url=address, executor="inline", stream_seconds=0.2, **more)
 
 
-@pytest.fixture(params=["sqlite", pytest.param("postgresql", marks=pytest.mark.postgres)])
+DATABASES = ["sqlite", pytest.param("postgresql", marks=pytest.mark.postgres)]
+
+
+@pytest.fixture(params=DATABASES)
 def database_address(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
     """Give the address of a migrated, empty database."""
     if request.param == "sqlite":
@@ -269,3 +274,66 @@ def api(repo: Repository) -> Iterator[Api]:
 @pytest.fixture
 def sqlite_api(sqlite_repo: Repository) -> Iterator[Api]:
     yield from open_api(sqlite_repo)
+
+
+# ---- a planned day
+
+
+def keep_day(repo: Repository, terrain_folder: Path, database: str = "") -> KeptDay:
+    """Return the only mission of a repository, planned, for copies; the repository is closed."""
+    ensure_profiles(repo)
+    for api in open_api(repo):
+        day = plan_day(api, yard(repo, terrain_folder))
+    repo.database.dispose()
+    return KeptDay(repo.data_dir, day.mission, day.requests, day.plan, database)
+
+
+def open_copy(address: str) -> Callable[[Path], Iterator[Api]]:
+    """Return how the service of a copied data folder is opened; its database is in it, or at an address."""
+
+    def opened(folder: Path) -> Iterator[Api]:
+        repo = open_repository(settings_for(folder, address))
+        yield from open_api(repo)
+        repo.database.dispose()
+
+    return opened
+
+
+@pytest.fixture(scope="session")
+def kept_sqlite_day(
+    sqlite_template: Path, terrain_folder: Path, tmp_path_factory: pytest.TempPathFactory
+) -> KeptDay:
+    folder = tmp_path_factory.mktemp("planned")
+    shutil.copyfile(sqlite_template, folder / "outcrop.db")
+    return keep_day(open_repository(settings_for(folder)), terrain_folder)
+
+
+@pytest.fixture(scope="session")
+def kept_postgres_day(
+    postgres: PostgresServer, terrain_folder: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[KeptDay]:
+    address = postgres.clone()
+    repo = open_repository(settings_for(tmp_path_factory.mktemp("planned"), address))
+    yield keep_day(repo, terrain_folder, str(make_url(address).database))
+    postgres.drop(address)
+
+
+@pytest.fixture
+def sqlite_planned_day(kept_sqlite_day: KeptDay, tmp_path: Path) -> Iterator[PlannedDay]:
+    """Give a planned day on SQLite, for what does not depend on the database."""
+    yield from kept_sqlite_day.copied(tmp_path / "data", open_copy(""))
+
+
+@pytest.fixture(params=DATABASES)
+def planned_day(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[PlannedDay]:
+    """Give a planned day in a repository of its own, for tests whose subject is not the planning."""
+    kept: KeptDay
+    if request.param == "sqlite":
+        kept = request.getfixturevalue("kept_sqlite_day")
+        yield from kept.copied(tmp_path / "data", open_copy(""))
+    else:
+        server: PostgresServer = request.getfixturevalue("postgres")
+        kept = request.getfixturevalue("kept_postgres_day")
+        address = server.clone(kept.database)
+        yield from kept.copied(tmp_path / "data", open_copy(address))
+        server.drop(address)

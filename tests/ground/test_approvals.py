@@ -30,7 +30,7 @@ from ground.uplink.training import Team
 from ground.uplink.verify import read_package
 from tests.ground.approving import forged, hand_in, registered, signed_by_all, team_of, waived
 from tests.ground.conftest import Api, open_api, settings_for, yard
-from tests.ground.test_day_over_rest import file_requests, finished, planned
+from tests.ground.planning import file_requests, finished, planned
 from tests.ground.test_missions_api import problem, upload
 
 EVIL = canonical_text(parse("(plan :id p :node (task :id go :action safemode))"))

@@ -26,7 +26,7 @@ from ground.resources.people.accounts import ensure_profiles
 from ground.resources.products.row import ProductRow
 from ground.resources.tables import METADATA
 from tests.ground.conftest import Api, settings_for
-from tests.ground.test_day_over_rest import file_requests, finished, planned
+from tests.ground.planning import PlannedDay, finished
 from tests.ground.test_missions_api import problem, upload
 
 
@@ -40,12 +40,16 @@ def contents(repo: Repository) -> dict[str, Any]:
 
 
 @pytest.fixture
-def day(api: Api, mission: Mission) -> Api:
+def mission(planned_day: PlannedDay) -> Mission:
+    return planned_day.mission
+
+
+@pytest.fixture
+def day(planned_day: PlannedDay) -> Api:
     """Give a repository with a plan, a run and products."""
-    file_requests(api, mission)
-    plan = planned(api, mission)
-    order = {"plan_id": plan["id"], "seed": 4}
-    finished(api, api.post(f"/missions/{mission.id}/runs", order, status=202))
+    api = planned_day.api
+    order = {"plan_id": planned_day.plan["id"], "seed": 4}
+    finished(api, api.post(f"/missions/{planned_day.mission.id}/runs", order, status=202))
     return api
 
 

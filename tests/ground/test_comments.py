@@ -2,20 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from tests.ground.conftest import Api, yard
-from tests.ground.test_day_over_rest import file_requests, planned
+from tests.ground.planning import PlannedDay
 from tests.ground.test_missions_api import problem
 
 
-def test_a_step_of_a_plan_is_commented_and_nothing_else_has_parts(
-    sqlite_api: Api, terrain_folder: Path
-) -> None:
-    api = sqlite_api
-    mission = yard(api.repo, terrain_folder)
-    file_requests(api, mission)
-    plan = planned(api, mission)
+def test_a_step_of_a_plan_is_commented_and_nothing_else_has_parts(sqlite_planned_day: PlannedDay) -> None:
+    api, mission, plan = sqlite_planned_day.api, sqlite_planned_day.mission, sqlite_planned_day.plan
     comments = f"/missions/{mission.id}/comments"
     of_plan = {"subject_kind": "plan", "subject_id": plan["id"], "text": "Why so early?"}
     made = api.post(comments, {**of_plan, "part": "main/2"}, who="Scientist")

@@ -5,12 +5,11 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from ground.resources.runs.work import LIVE, live_lines_of
-from tests.ground.conftest import Api, yard
-from tests.ground.test_day_over_rest import file_requests, planned
+from tests.ground.conftest import Api
+from tests.ground.planning import PlannedDay
 from tests.ground.test_missions_api import problem
 
 
@@ -33,11 +32,8 @@ def _still(api: Api, run_id: str) -> int:
     return count
 
 
-def test_a_run_is_held_stepped_let_go_and_aborted(sqlite_api: Api, terrain_folder: Path) -> None:
-    api = sqlite_api
-    mission = yard(api.repo, terrain_folder)
-    file_requests(api, mission)
-    plan = planned(api, mission)
+def test_a_run_is_held_stepped_let_go_and_aborted(sqlite_planned_day: PlannedDay) -> None:
+    api, mission, plan = sqlite_planned_day.api, sqlite_planned_day.mission, sqlite_planned_day.plan
     order = {"plan_id": plan["id"], "pace": 20.0}
     jobs = [api.post(f"/missions/{mission.id}/runs", order, status=202) for _ in range(2)]
     first, second = (job["subject_id"] for job in jobs)

@@ -19,7 +19,7 @@ from tests.adversary.ground import Ground, make_ground, service
 from tests.adversary.service import program
 from tests.ground.approving import hand_in
 from tests.ground.conftest import Api
-from tests.ground.test_day_over_rest import finished
+from tests.ground.planning import finished
 from tests.ground.test_missions_api import problem
 
 

@@ -6,7 +6,6 @@ import io
 import json
 import zipfile
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -17,35 +16,8 @@ from ground.resources.missions.value import Mission
 from ground.uplink.execute import Place, execute_package
 from tests.ground.approving import hand_in, signed_by_all, team_of
 from tests.ground.conftest import Api
+from tests.ground.planning import file_requests, finished, planned
 from tests.ground.test_missions_api import problem, upload
-
-
-def file_requests(api: Api, mission: Mission) -> dict[str, dict[str, Any]]:
-    found = {}
-    for name, east, north, instrument, value in (
-        ("Near", 4.0, 1.0, "microscopic_imager", 20.0),
-        ("Far", 2.0, -5.0, "science_camera", 5.0),
-    ):
-        target = api.post(f"/missions/{mission.id}/targets", {"name": name, "east_m": east, "north_m": north})
-        found[name] = api.post(
-            f"/missions/{mission.id}/observation-requests",
-            {"target_id": target["id"], "instrument": instrument, "value": value},
-        )
-    return found
-
-
-def finished(api: Api, job: dict[str, Any]) -> dict[str, Any]:
-    api.jobs()
-    done: dict[str, Any] = api.get(f"/jobs/{job['id']}")
-    return done
-
-
-def planned(api: Api, mission: Mission, **order: Any) -> dict[str, Any]:
-    order = {"iterations": 3, "time_limit_s": 60.0, "max_branches": 2, **order}
-    job = finished(api, api.post(f"/missions/{mission.id}/plans", order, status=202))
-    assert job["state"] == "succeeded", job["problem"]
-    plan: dict[str, Any] = api.get(job["result_url"])
-    return plan
 
 
 def test_a_plan_keeps_to_the_chance_of_an_overrun_that_was_asked_for(api: Api, mission: Mission) -> None:

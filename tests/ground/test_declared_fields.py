@@ -24,12 +24,11 @@ from ground.resources.geometry_files.site_geometry import (
 from ground.resources.kinds import KINDS
 from ground.resources.mission_archives.import_mission import import_mission, quarantined
 from ground.resources.mission_archives.mission_archive import RIGHTS, TABLES, export_mission
-from ground.resources.missions.value import Mission
 from ground.resources.tables import METADATA
 from ground.resources.targets.bodies import TargetCreate
 from ground.resources.targets.value import Target
 from tests.ground.conftest import Api, settings_for, yard
-from tests.ground.test_day_over_rest import file_requests, planned
+from tests.ground.planning import PlannedDay
 from tests.ground.test_missions_api import upload
 
 FOUND = {
@@ -132,9 +131,11 @@ def other_than(column: Any) -> Any:
 
 
 def test_every_column_of_every_table_of_a_mission_survives_its_archive(
-    sqlite_api: Api, mission_day: Mission, tmp_path: Path
+    sqlite_planned_day: PlannedDay, tmp_path: Path
 ) -> None:
-    repo = sqlite_api.repo
+    api, mission = sqlite_planned_day.api, sqlite_planned_day.mission
+    api.post(f"/missions/{mission.id}/keep-outs", {"polygon_m": RING})
+    repo = api.repo
     fixed = {"id", "mission_id", "sha256", "document", "crl_text"}
     with repo.database.write() as session:
         for name in TABLES:
@@ -149,7 +150,7 @@ def test_every_column_of_every_table_of_a_mission_survives_its_archive(
                 content = other_than(column)
                 if content is not None and not any(column.name in u.columns for u in table.constraints):
                     session.execute(table.update().values({column: content}))
-    export_mission(repo, SYSTEM_ACTOR, mission_day.id, tmp_path / "m.zip")
+    export_mission(repo, SYSTEM_ACTOR, mission.id, tmp_path / "m.zip")
     fresh = open_repository(settings_for(tmp_path / "fresh"))
     from ground.gdr.migrate import migrate
 
@@ -165,15 +166,6 @@ def test_every_column_of_every_table_of_a_mission_survives_its_archive(
     assert there == brought
     assert sum(map(len, rows(fresh).values())) > 8
     fresh.database.dispose()
-
-
-@pytest.fixture
-def mission_day(sqlite_api: Api, terrain_folder: Path) -> Mission:
-    mission = yard(sqlite_api.repo, terrain_folder)
-    file_requests(sqlite_api, mission)
-    planned(sqlite_api, mission)
-    sqlite_api.post(f"/missions/{mission.id}/keep-outs", {"polygon_m": RING})
-    return mission
 
 
 def rows(repo: Repository) -> dict[str, list[Any]]:

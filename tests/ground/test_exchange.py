@@ -29,7 +29,7 @@ from ground.resources.targets import create_target
 from ground.resources.targets.bodies import TargetCreate
 from tests.ground.approving import hand_in
 from tests.ground.conftest import Api, yard
-from tests.ground.test_day_over_rest import file_requests, finished, planned
+from tests.ground.planning import PlannedDay, finished
 from tests.ground.test_missions_api import problem, upload
 
 RING = [[6.0, 6.0], [8.0, 6.0], [8.0, 8.5]]
@@ -204,15 +204,12 @@ class Page(HTMLParser):
         self.text += data
 
 
-def test_a_run_gives_products_with_a_manifest_and_a_report_that_loads_nothing(world: tuple[Api, str]) -> None:
-    from ground.resources.missions.value import Mission
-
-    api, mission = world
-    named = Mission(**api.get(f"/missions/{mission}"))
-    file_requests(api, named)
+def test_a_run_gives_products_with_a_manifest_and_a_report_that_loads_nothing(
+    sqlite_planned_day: PlannedDay,
+) -> None:
+    api, mission, plan = sqlite_planned_day.api, sqlite_planned_day.mission.id, sqlite_planned_day.plan
     evil = {"name": "<script>x</script>"}
     api("PATCH", f"/missions/{mission}", evil, headers={"If-Match": "*"})
-    plan = planned(api, named)
     job = finished(api, api.post(f"/missions/{mission}/runs", {"plan_id": plan["id"], "seed": 4}, status=202))
     run = job["subject_id"]
     drawing = api("GET", f"/plans/{plan['id']}/drawing")
@@ -246,13 +243,8 @@ def test_a_run_gives_products_with_a_manifest_and_a_report_that_loads_nothing(wo
         assert word in page.text
 
 
-def test_a_rehearsal_says_when_the_ground_knows_what(world: tuple[Api, str]) -> None:
-    from ground.resources.missions.value import Mission
-
-    api, mission = world
-    named = Mission(**api.get(f"/missions/{mission}"))
-    file_requests(api, named)
-    plan = planned(api, named)
+def test_a_rehearsal_says_when_the_ground_knows_what(sqlite_planned_day: PlannedDay) -> None:
+    api, mission, plan = sqlite_planned_day.api, sqlite_planned_day.mission.id, sqlite_planned_day.plan
     passes = [{"name": "dusk", "start_s": 50_000.0, "end_s": 51_000.0, "data_mbit": 5000.0}]
     url = f"/sols/{plan['sol_id']}"
     assert api("PATCH", url, {"passes": passes}, headers={"If-Match": "*"}).status_code == 200
@@ -282,15 +274,10 @@ def test_a_rehearsal_says_when_the_ground_knows_what(world: tuple[Api, str]) -> 
     )
 
 
-def test_a_plan_is_reported_before_its_run(world: tuple[Api, str]) -> None:
-    from ground.resources.missions.value import Mission
-
-    api, mission = world
-    named = Mission(**api.get(f"/missions/{mission}"))
-    file_requests(api, named)
+def test_a_plan_is_reported_before_its_run(sqlite_planned_day: PlannedDay) -> None:
+    api, mission, plan = sqlite_planned_day.api, sqlite_planned_day.mission.id, sqlite_planned_day.plan
     evil = {"name": "<script>x</script>"}
     api("PATCH", f"/missions/{mission}", evil, headers={"If-Match": "*"})
-    plan = planned(api, named)
     remark = {"subject_kind": "plan", "subject_id": plan["id"], "text": "mind the <i>ditch</i>"}
     api.post(f"/missions/{mission}/comments", remark)
 

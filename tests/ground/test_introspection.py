@@ -11,8 +11,8 @@ import pytest
 from executive.runtime.journal import JournalFile
 from ground.gdr.packed import read_kept
 from ground.resources.runs import work as run_work
-from tests.ground.conftest import Api, yard
-from tests.ground.test_day_over_rest import file_requests, finished, planned
+from tests.ground.conftest import Api
+from tests.ground.planning import PlannedDay, finished
 from tests.ground.test_missions_api import problem
 
 LOOK_AT = 12
@@ -20,10 +20,9 @@ LOOK_AT = 12
 
 
 @pytest.fixture
-def day(sqlite_api: Api, terrain_folder: Path) -> tuple[Api, str, str]:
-    mission = yard(sqlite_api.repo, terrain_folder)
-    file_requests(sqlite_api, mission)
-    return sqlite_api, mission.id, planned(sqlite_api, mission)["id"]
+def day(sqlite_planned_day: PlannedDay) -> tuple[Api, str, str]:
+    made = sqlite_planned_day
+    return made.api, made.mission.id, made.plan["id"]
 
 
 def carried_out(day: tuple[Api, str, str]) -> dict[str, Any]:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 import threading
-from pathlib import Path
 from typing import Any
 
 from ground.resources.runs.kind import RUN
-from tests.ground.conftest import Api, yard
+from tests.ground.conftest import Api
+from tests.ground.planning import PlannedDay
 from tests.ground.test_control_run import _over, _until
-from tests.ground.test_day_over_rest import file_requests, planned
 from tests.ground.test_missions_api import problem
 from tests.ground.test_packed_runs import lines_of
 
@@ -26,15 +25,12 @@ def _announced(api: Api, run_id: str) -> list[dict[str, Any]]:
 
 
 def test_products_can_be_fetched_while_the_run_goes_on_and_keep_their_ids(
-    sqlite_api: Api, terrain_folder: Path
+    sqlite_planned_day: PlannedDay,
 ) -> None:
     from ground.records.actor import SYSTEM_ACTOR
     from ground.records.get_resource import get_resource
 
-    api = sqlite_api
-    mission = yard(api.repo, terrain_folder)
-    file_requests(api, mission)
-    plan = planned(api, mission)
+    api, mission, plan = sqlite_planned_day.api, sqlite_planned_day.mission, sqlite_planned_day.plan
     run_id = api.post(f"/missions/{mission.id}/runs", {"plan_id": plan["id"], "pace": 3000.0}, status=202)[
         "subject_id"
     ]

@@ -5,21 +5,16 @@ from __future__ import annotations
 import json
 import re
 import threading
-from pathlib import Path
 
 from ground.resources.runs.work import LIVE, live_lines_of
 from ground.uplink.live import stop_run
-from tests.ground.conftest import Api, yard
+from tests.ground.planning import PlannedDay
 from tests.ground.test_control_run import _over, _until
-from tests.ground.test_day_over_rest import file_requests, planned
 from tests.ground.test_missions_api import problem
 
 
-def test_a_live_run_is_held_stepped_given_a_fault_and_stopped(sqlite_api: Api, terrain_folder: Path) -> None:
-    api = sqlite_api
-    mission = yard(api.repo, terrain_folder)
-    file_requests(api, mission)
-    plan = planned(api, mission)
+def test_a_live_run_is_held_stepped_given_a_fault_and_stopped(sqlite_planned_day: PlannedDay) -> None:
+    api, mission, plan = sqlite_planned_day.api, sqlite_planned_day.mission, sqlite_planned_day.plan
     order = {"plan_id": plan["id"], "live": True, "pace": 200.0}
     refused = api("POST", f"/missions/{mission.id}/runs", {**order, "light_time_s": 1.0})
     assert "no light time" in problem(refused, 422, "invalid-input")["detail"]
@@ -89,11 +84,8 @@ def test_a_live_run_is_held_stepped_given_a_fault_and_stopped(sqlite_api: Api, t
         worker.join(60.0)
 
 
-def test_a_live_run_that_waits_is_stopped_by_whoever_may_stop(sqlite_api: Api, terrain_folder: Path) -> None:
-    api = sqlite_api
-    mission = yard(api.repo, terrain_folder)
-    file_requests(api, mission)
-    plan = planned(api, mission)
+def test_a_live_run_that_waits_is_stopped_by_whoever_may_stop(sqlite_planned_day: PlannedDay) -> None:
+    api, mission, plan = sqlite_planned_day.api, sqlite_planned_day.mission, sqlite_planned_day.plan
     order = {"plan_id": plan["id"], "live": True, "pace": 200.0}
     live = api.post(f"/missions/{mission.id}/runs", order, status=202)
     dry = api.post(f"/missions/{mission.id}/runs", {"plan_id": plan["id"]}, status=202)

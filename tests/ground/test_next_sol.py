@@ -31,7 +31,7 @@ from rover_iface.errors import RoverError
 from rover_iface.registry import require_simulated, simulated_rover_names
 from tests.ground.approving import public_text, signed_by_all, team_of
 from tests.ground.conftest import Api, yard
-from tests.ground.test_day_over_rest import file_requests, finished, planned
+from tests.ground.planning import PlannedDay, file_requests, finished, planned
 from tests.ground.test_missions_api import problem
 
 OPERATOR = Actor("Operator", Role.OPERATOR)
@@ -156,14 +156,12 @@ def test_no_rover_but_a_simulated_one_of_ours_is_for_training(monkeypatch: pytes
     require_simulated("abstract")
 
 
-def test_a_rehearsal_ends_no_sol(sqlite_api: Api, terrain_folder: Path) -> None:
-    mission = yard(sqlite_api.repo, terrain_folder)
-    file_requests(sqlite_api, mission)
-    plan = planned(sqlite_api, mission)
-    order = {"plan_id": plan["id"], "seed": 4}
-    job = finished(sqlite_api, sqlite_api.post(f"/missions/{mission.id}/runs", order, status=202))
+def test_a_rehearsal_ends_no_sol(sqlite_planned_day: PlannedDay) -> None:
+    api, mission = sqlite_planned_day.api, sqlite_planned_day.mission
+    order = {"plan_id": sqlite_planned_day.plan["id"], "seed": 4}
+    job = finished(api, api.post(f"/missions/{mission.id}/runs", order, status=202))
     run = job["result_url"].removeprefix("/api/v1")
-    answer = problem(sqlite_api("POST", f"{run}/next-sol"), 409, "wrong-state")
+    answer = problem(api("POST", f"{run}/next-sol"), 409, "wrong-state")
     assert "a sol ends with an execution" in answer["detail"]
 
 

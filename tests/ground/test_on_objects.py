@@ -34,13 +34,13 @@ from tests.ground.campaigns.test_campaigns_api import (  # noqa: F401 - the same
     test_a_plan_is_flown_many_times,
 )
 from tests.ground.conftest import Api, open_api, settings_for, yard
+from tests.ground.planning import file_requests, finished, planned
 from tests.ground.s3 import S3
 from tests.ground.test_approvals import brought_in
 from tests.ground.test_calibrate_mission import (  # noqa: F401 - the same on objects
     folders,
     test_over_the_interface_it_is_a_job_that_gives_the_mission_its_calibration,
 )
-from tests.ground.test_day_over_rest import file_requests, finished, planned
 from tests.ground.test_missions_api import problem, upload
 from tests.ground.test_next_sol import (  # noqa: F401 - the same on objects
     test_a_sol_is_executed_and_the_next_begins_where_it_ended,

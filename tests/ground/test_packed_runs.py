@@ -17,21 +17,19 @@ from ground.records.get_resource import get_resource
 from ground.resources.backups.backup import backup
 from ground.resources.backups.check_files import check_files, damaged_files, sweep_files
 from ground.resources.backups.restore import restore
-from ground.resources.missions.value import Mission
 from ground.resources.runs.kind import RUN
 from ground.resources.runs.read_run import LiveLines
 from ground.resources.runs.value import Run
 from tests.ground.conftest import Api, settings_for
+from tests.ground.planning import PlannedDay, finished
 from tests.ground.test_approvals import brought_in
-from tests.ground.test_day_over_rest import file_requests, finished, planned
 
 
 @pytest.fixture
-def flown(api: Api, mission: Mission) -> tuple[Api, str]:
+def flown(planned_day: PlannedDay) -> tuple[Api, str]:
     """Give a repository with a dry run that is over, and its id."""
-    file_requests(api, mission)
-    plan = planned(api, mission)
-    job = api.post(f"/missions/{mission.id}/runs", {"plan_id": plan["id"], "seed": 4}, status=202)
+    api, order = planned_day.api, {"plan_id": planned_day.plan["id"], "seed": 4}
+    job = api.post(f"/missions/{planned_day.mission.id}/runs", order, status=202)
     finished(api, job)
     return api, job["subject_id"]
 

@@ -26,22 +26,38 @@ from ground.resources.downlinks import import_recording as import_recording_modu
 from ground.resources.downlinks import work as recording_work
 from ground.resources.downlinks.import_recording import import_recording
 from ground.resources.downlinks.order import ORDERS
+from ground.resources.missions.value import Mission
 from ground.uplink.execute import execute_package
 from ground.uplink.mcap_export import export_mcap
 from neighbours.robots.bag_files import files_of
 from neighbours.robots.recording import Mapping, read_recording
 from tests.ground.conftest import Api
+from tests.ground.planning import PlannedDay, plan_day
 from tests.ground.signed import small_site
-from tests.ground.test_day_over_rest import file_requests, planned
 from tests.ground.test_missions_api import problem, upload
 from tests.neighbours.robots.test_recording import POSES, pixels, write
 
 OPERATOR = Actor("Operator", Role.OPERATOR)
 
 
+@pytest.fixture
+def api(planned_day: PlannedDay) -> Api:
+    return planned_day.api
+
+
+@pytest.fixture
+def mission(planned_day: PlannedDay) -> Mission:
+    return planned_day.mission
+
+
+def plan_of(api: Api, mission: Mission) -> dict[str, Any]:
+    """Return the plan of a mission, made here for an empty one."""
+    plans: list[dict[str, Any]] = api.get(f"/missions/{mission.id}/plans")["items"]
+    return plans[0] if plans else plan_day(api, mission).plan
+
+
 def test_a_bag_becomes_a_run_that_nothing_here_vouches_for(api: Api, mission: Any, tmp_path: Path) -> None:
-    file_requests(api, mission)
-    plan = planned(api, mission)
+    plan = plan_of(api, mission)
     before = api.get(f"/missions/{mission.id}/observation-requests")["items"]
     bag = write(tmp_path / "bag", StoragePlugin.MCAP)
     mapping = Mapping(east_m=1.0, north_m=2.0, capacity_j=1e6)
@@ -82,8 +98,7 @@ def test_a_bag_becomes_a_run_that_nothing_here_vouches_for(api: Api, mission: An
 def test_an_import_that_fails_in_whatever_way_leaves_no_folder(
     api: Api, mission: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: type[BaseException]
 ) -> None:
-    file_requests(api, mission)
-    plan = planned(api, mission)
+    plan = plan_of(api, mission)
     runs = api.repo.run_dir("any").parent
     before = set(runs.glob("*"))
     bag = write(tmp_path / "bag", StoragePlugin.SQLITE3)
@@ -100,8 +115,7 @@ def test_an_import_that_fails_in_whatever_way_leaves_no_folder(
 
 
 def test_a_cut_bag_says_so_and_strangers_bring_nothing_in(api: Api, mission: Any, tmp_path: Path) -> None:
-    file_requests(api, mission)
-    plan = planned(api, mission)
+    plan = plan_of(api, mission)
     (file,) = files_of(write(tmp_path / "bag", StoragePlugin.SQLITE3))
     cut = tmp_path / "cut.db3"
     cut.write_bytes(file.read_bytes()[: file.stat().st_size * 3 // 4])
@@ -152,9 +166,8 @@ def test_an_uploaded_recording_comes_in_over_rest_and_a_wrong_one_is_named(
 
 
 def order_for(api: Api, mission: Any, tmp_path: Path) -> dict[str, Any]:
-    """Return the request for an import of an uploaded bag into a fresh plan of the mission."""
-    file_requests(api, mission)
-    plan = planned(api, mission)
+    """Return the request for an import of an uploaded bag into the plan of a mission."""
+    plan = plan_of(api, mission)
     (file,) = files_of(write(tmp_path / "bag", StoragePlugin.MCAP))
     return {"plan_id": plan["id"], "upload_id": upload(api, "bag.mcap", file.read_bytes(), "Operator")}
 

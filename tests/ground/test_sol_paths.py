@@ -15,7 +15,7 @@ from ground.resources.plans.order import ORDERS, Ahead, PlanWork, Search
 from mission import Day, Limits, Pose
 from planner.problem import problem_from_dict
 from tests.ground.conftest import Api, yard
-from tests.ground.test_day_over_rest import file_requests, finished
+from tests.ground.planning import file_requests, finished
 from tests.ground.test_missions_api import problem
 from tests.planner.examples import observation, problem_document
 

@@ -29,8 +29,8 @@ from ground.resources.jobs.cancel_job import retry_job
 from ground.resources.missions.value import Mission
 from ground.settings import ExecutorKind
 from tests.ground.conftest import PLANNER, Api, yard
+from tests.ground.planning import file_requests, planned
 from tests.ground.test_cluster import Dask, dask
-from tests.ground.test_day_over_rest import file_requests, planned
 from tests.ground.test_jobs import KINDS, SETTLED, queue, row_of, with_settings
 from tests.waiting import until
 

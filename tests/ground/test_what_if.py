@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections import OrderedDict
 from typing import Any
 
 import pytest
 
-from tests.ground.conftest import Api, yard
-from tests.ground.test_day_over_rest import file_requests, finished, planned
+from ground.resources.plans import answer_what_if
+from tests.ground.conftest import Api
+from tests.ground.planning import PlannedDay, finished
 from tests.ground.test_missions_api import problem as problem_of
 
 
 @pytest.fixture
-def planned_day(sqlite_api: Api, terrain_folder: Path) -> tuple[Api, str, dict[str, str], dict[str, Any]]:
-    mission = yard(sqlite_api.repo, terrain_folder)
-    requests = {name: request["id"] for name, request in file_requests(sqlite_api, mission).items()}
-    return sqlite_api, mission.id, requests, planned(sqlite_api, mission)
+def planned_day(
+    sqlite_planned_day: PlannedDay, monkeypatch: pytest.MonkeyPatch
+) -> tuple[Api, str, dict[str, str], dict[str, Any]]:
+    """Give a service that was asked nothing of its plan so far: copies of a day have the same plan."""
+    for kept in ("_plans", "_rebuilt"):
+        monkeypatch.setattr(answer_what_if, kept, OrderedDict())
+    day = sqlite_planned_day
+    return day.api, day.mission.id, {name: r["id"] for name, r in day.requests.items()}, day.plan
 
 
 def test_nothing_changed_changes_nothing(planned_day: Any) -> None:

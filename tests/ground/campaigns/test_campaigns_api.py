@@ -28,23 +28,21 @@ from ground.resources.campaigns.order import ORDERS
 from ground.settings import Settings
 from tests.ground.campaigns.small import write_small
 from tests.ground.conftest import Api, settings_for, yard
+from tests.ground.planning import PlannedDay, plan_day
 from tests.ground.test_approvals import archive_of, brought_in, without_history
-from tests.ground.test_day_over_rest import file_requests, planned
 from tests.ground.test_missions_api import problem
 
 
-def flown(api: Api, terrain_folder: Path, **order: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-    mission = yard(api.repo, terrain_folder)
-    file_requests(api, mission)
-    plan = planned(api, mission)
+def flown(day: PlannedDay, **order: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+    api, plan = day.api, day.plan
     body = {"plan_id": plan["id"], "runs": 150, "seed": 5, **order}
-    job = api.post(f"/missions/{mission.id}/campaigns", body, status=202)
+    job = api.post(f"/missions/{day.mission.id}/campaigns", body, status=202)
     assert api.jobs() == 1
     return plan, api.get(f"/campaigns/{job['subject_id']}")
 
 
 def test_a_plan_is_flown_many_times(api: Api, terrain_folder: Path) -> None:
-    plan, campaign = flown(api, terrain_folder, help_runs=20)
+    plan, campaign = flown(plan_day(api, yard(api.repo, terrain_folder)), help_runs=20)
     at = f"/campaigns/{campaign['id']}"
     assert (campaign["state"], campaign["runs_done"]) == ("succeeded", 150)
     document = api.get(f"{at}/result")
@@ -70,11 +68,8 @@ def test_a_plan_is_flown_many_times(api: Api, terrain_folder: Path) -> None:
     ]
 
 
-def test_a_campaign_that_was_stopped_tells_what_it_has(sqlite_api: Api, terrain_folder: Path) -> None:
-    api = sqlite_api
-    mission = yard(api.repo, terrain_folder)
-    file_requests(api, mission)
-    plan = planned(api, mission)
+def test_a_campaign_that_was_stopped_tells_what_it_has(sqlite_planned_day: PlannedDay) -> None:
+    api, mission, plan = sqlite_planned_day.api, sqlite_planned_day.mission, sqlite_planned_day.plan
     body = {"plan_id": plan["id"], "runs": 400}
     job = api.post(f"/missions/{mission.id}/campaigns", body, status=202)
     at = f"/campaigns/{job['subject_id']}"
@@ -107,9 +102,9 @@ def test_a_campaign_that_is_begun_again_tells_the_runs_of_both_attempts(tmp_path
         assert json.loads(live.read_text())["runs"] == told
 
 
-def test_approval_asks_for_a_campaign_where_it_is_set(sqlite_api: Api, terrain_folder: Path) -> None:
-    api = sqlite_api
-    plan, _campaign = flown(api, terrain_folder)
+def test_approval_asks_for_a_campaign_where_it_is_set(sqlite_planned_day: PlannedDay) -> None:
+    api = sqlite_planned_day.api
+    plan, _campaign = flown(sqlite_planned_day)
 
     def rule() -> dict[str, Any] | None:
         rules = api.get(f"/plans/{plan['id']}/flight-rules")
@@ -137,10 +132,10 @@ def test_an_order_is_read_as_it_was_written() -> None:
     assert ORDERS.read(json.dumps(ORDERS.document(order))) == order
 
 
-def test_a_campaign_of_elsewhere_counts_for_no_rule_here(sqlite_api: Api, terrain_folder: Path) -> None:
+def test_a_campaign_of_elsewhere_counts_for_no_rule_here(sqlite_planned_day: PlannedDay) -> None:
     """An archive's author may write any result; only what was flown here counts."""
-    api = sqlite_api
-    plan, campaign = flown(api, terrain_folder)
+    api = sqlite_planned_day.api
+    plan, campaign = flown(sqlite_planned_day)
     settings: Settings = api.repo.settings
     object.__setattr__(api.repo, "settings", settings.model_copy(update={"approval_runs": 100}))
 
@@ -182,9 +177,9 @@ def test_a_campaign_of_elsewhere_counts_for_no_rule_here(sqlite_api: Api, terrai
         assert (found[rule]["holds"], found[rule]["value"]) == (False, None), found[rule]
 
 
-def test_of_two_campaigns_that_with_more_runs_flown_counts(sqlite_api: Api, terrain_folder: Path) -> None:
-    api = sqlite_api
-    plan, campaign = flown(api, terrain_folder, runs=300)
+def test_of_two_campaigns_that_with_more_runs_flown_counts(sqlite_planned_day: PlannedDay) -> None:
+    api = sqlite_planned_day.api
+    plan, campaign = flown(sqlite_planned_day, runs=300)
     body = {"plan_id": plan["id"], "runs": 1000, "seed": 5, "until_se": 1000.0}
     api.post(f"/missions/{campaign['mission_id']}/campaigns", body, status=202)
     api.jobs()
@@ -194,9 +189,9 @@ def test_of_two_campaigns_that_with_more_runs_flown_counts(sqlite_api: Api, terr
     assert "of 300 runs end over a budget" in rule["detail"]
 
 
-def test_an_archive_with_a_campaign_of_another_form_is_refused(sqlite_api: Api, terrain_folder: Path) -> None:
-    api = sqlite_api
-    plan, campaign = flown(api, terrain_folder, runs=10)
+def test_an_archive_with_a_campaign_of_another_form_is_refused(sqlite_planned_day: PlannedDay) -> None:
+    api = sqlite_planned_day.api
+    plan, campaign = flown(sqlite_planned_day, runs=10)
 
     def forge(rows: dict[str, Any]) -> None:
         rows["campaigns"][0]["result"]["frequencies"] = {}
@@ -207,10 +202,10 @@ def test_an_archive_with_a_campaign_of_another_form_is_refused(sqlite_api: Api, 
 
 
 def test_a_backup_brings_the_runs_of_campaigns_back_and_a_sweep_takes_those_of_no_record(
-    sqlite_api: Api, terrain_folder: Path, tmp_path: Path
+    sqlite_planned_day: PlannedDay, tmp_path: Path
 ) -> None:
-    api = sqlite_api
-    _plan, campaign = flown(api, terrain_folder, runs=30)
+    api = sqlite_planned_day.api
+    _plan, campaign = flown(sqlite_planned_day, runs=30)
     folder = api.repo.campaign_dir(campaign["id"])
     (folder / "runs.draft").write_text("left by a crash")
     backup(api.repo, tmp_path / "backup.tar")

@@ -18,7 +18,7 @@ from ground.resources.people.accounts import ensure_profiles
 from ground.resources.traverses.row import TraverseRow
 from tests.ground.conftest import Api, open_api, settings_for, yard
 from tests.ground.geo.test_places_api import change
-from tests.ground.test_day_over_rest import file_requests, finished, planned
+from tests.ground.planning import file_requests, finished, planned
 
 EARTH = {"crs": "EPSG:32612", "x": 518_334.0, "y": 4_251_500.0}
 MARS = {"crs": "IAU_2015:49900", "x": 77.4508, "y": 18.4447}

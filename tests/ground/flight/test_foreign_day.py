@@ -15,7 +15,7 @@ from ground.resources.missions.value import Mission
 from tests.ground.conftest import PLANNER, Api
 from tests.ground.flight.conftest import FPrime
 from tests.ground.flight.fpp_model import MAP, fpp_model
-from tests.ground.test_day_over_rest import finished, planned
+from tests.ground.planning import finished, planned
 
 
 @pytest.fixture(scope="session")

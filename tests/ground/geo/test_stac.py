@@ -27,7 +27,7 @@ from ground.spreadsheet import shown
 from mission import Sky
 from tests.ground.conftest import Api, yard
 from tests.ground.geo.test_places_api import change
-from tests.ground.test_day_over_rest import file_requests, finished, planned
+from tests.ground.planning import PlannedDay, finished
 from tests.neighbours.geodata.test_cog import assert_cog
 from tests.shared import needed
 
@@ -72,14 +72,11 @@ def assert_valid(found: Any) -> None:
 
 
 @pytest.fixture
-def done(sqlite_api: Api, terrain_folder: Path) -> tuple[Api, Mission, dict[str, Any]]:
+def done(sqlite_planned_day: PlannedDay) -> tuple[Api, Mission, dict[str, Any]]:
     """Give a mission with one run and its products."""
-    api, mission = sqlite_api, yard(sqlite_api.repo, terrain_folder)
-    file_requests(api, mission)
-    plan = planned(api, mission)
-    run = finished(
-        api, api.post(f"/missions/{mission.id}/runs", {"plan_id": plan["id"], "seed": 4}, status=202)
-    )
+    api, mission = sqlite_planned_day.api, sqlite_planned_day.mission
+    order = {"plan_id": sqlite_planned_day.plan["id"], "seed": 4}
+    run = finished(api, api.post(f"/missions/{mission.id}/runs", order, status=202))
     return api, mission, run
 
 

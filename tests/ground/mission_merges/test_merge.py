@@ -17,7 +17,7 @@ from ground.resources.tables import METADATA
 from tests.ground.approving import signed_by_all, team_of
 from tests.ground.conftest import Api, yard
 from tests.ground.mission_merges.test_difference import named, patch, remove, two_targets
-from tests.ground.test_day_over_rest import file_requests, finished, planned
+from tests.ground.planning import file_requests, finished, planned
 from tests.ground.test_missions_api import problem
 
 

@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 from executive.crl.reader import parse
 from executive.crl.validate import check
 from ground.cli.main import app, register_all
+from tests.ground.planning import finished
 from tests.ground.test_cli_resources import serving
-from tests.ground.test_day_over_rest import finished
 from tests.ground.test_missions_api import problem as problem_of
 from tests.ground.versions.test_plan_merges import day, edited
 

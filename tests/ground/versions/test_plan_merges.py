@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 from executive.crl.reader import parse
 from executive.crl.validate import check
-from tests.ground.conftest import Api, yard
-from tests.ground.test_day_over_rest import file_requests, finished, planned
+from tests.ground.conftest import Api
+from tests.ground.planning import PlannedDay, finished
 from tests.ground.test_missions_api import problem as problem_of
 
 
 @pytest.fixture
-def day(sqlite_api: Api, terrain_folder: Path) -> tuple[Api, str, dict[str, Any], str]:
-    mission = yard(sqlite_api.repo, terrain_folder)
-    file_requests(sqlite_api, mission)
-    plan = planned(sqlite_api, mission)
-    text = sqlite_api("GET", f"/plans/{plan['id']}/crl").text
-    return sqlite_api, mission.id, plan, text
+def day(sqlite_planned_day: PlannedDay) -> tuple[Api, str, dict[str, Any], str]:
+    api, plan = sqlite_planned_day.api, sqlite_planned_day.plan
+    return api, sqlite_planned_day.mission.id, plan, api("GET", f"/plans/{plan['id']}/crl").text
 
 
 def edited(text: str, retries: int, task: int = 0) -> str:
