@@ -33,7 +33,7 @@ import numpy as np
 from executive.crl import canonical_text
 from ground.day.prepare import PreparedDay, prepare_day
 from ground.demo.day import loss_to_inject
-from ground.demo.mission import demo_mission
+from ground.demo.mission import bare_day
 from ground.uplink.flight import fly
 from mission import Day, Request, Tracked
 from planner.emit_crl import emit
@@ -73,7 +73,7 @@ def fly_day(
         terrain = generate_terrain(seed) if folder is None else strewn(load_terrain(folder), seed)
     profile = load_profile("k9")
     with stage("targets, observation points, paths"):
-        mission = demo_mission(terrain, profile, seed=seed)
+        mission = bare_day(terrain, seed=seed)
         seen = Operator(terrain, profile, mission).picks()
         # each alone: ground that is rough far off may close the ways of a network over all of it
         reached = [p for p in seen if _prepared(terrain, profile, mission, [p]).problem.targets]

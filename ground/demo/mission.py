@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,11 +44,10 @@ def demo_mission(terrain: Terrain, profile: RoverProfile, *, seed: int) -> Day:
         If the terrain has no place for the rover to start, or fewer than ten targets that the arm reaches.
     """
     rng = np.random.default_rng([seed, 1])
-    start = _start(terrain, rng)
-    keep_outs = _keep_outs(terrain, start, rng)
-    kept_out = [shapely.Polygon(k.polygon_m) for k in keep_outs]
+    day = _bare_day(terrain, rng)
+    kept_out = [shapely.Polygon(k.polygon_m) for k in day.keep_outs]
     targets: list[Target] = []
-    for east, north in _candidates(terrain, start, rng):
+    for east, north in _candidates(terrain, day.start, rng):
         if len(targets) == TARGETS:
             break
         if any(math.hypot(east - t.point_site[0], north - t.point_site[1]) < APART_M for t in targets):
@@ -55,20 +55,34 @@ def demo_mission(terrain: Terrain, profile: RoverProfile, *, seed: int) -> Day:
         if any(shapely.contains_xy(region, east, north) for region in kept_out):
             continue
         target = target_at(terrain, f"T{len(targets) + 1}", NAMES[len(targets)], east, north)
-        if _reachable(terrain, profile, start, target, keep_outs):
+        if _reachable(terrain, profile, day.start, target, day.keep_outs):
             targets.append(target)
     if len(targets) < TARGETS:
         raise InvalidInputError(
             f"terrain {terrain.name}: only {len(targets)} of {TARGETS} targets with a reachable observation "
             f"point were found between {NEAREST_M:g} and {FARTHEST_M:g} m of the start"
         )
+    return replace(day, targets=tuple(targets), requests=_requests(targets, profile, rng))
+
+
+def bare_day(terrain: Terrain, *, seed: int) -> Day:
+    """Return the demo mission of a seed before anything is asked for: start, keep-outs and limits.
+
+    Raises
+    ------
+    InvalidInputError
+        If the terrain has no place for the rover to start.
+    """
+    return _bare_day(terrain, np.random.default_rng([seed, 1]))
+
+
+def _bare_day(terrain: Terrain, rng: np.random.Generator) -> Day:
+    start = _start(terrain, rng)
     return Day(
         name=f"{terrain.name} sol 1",
         start=start,
         limits=Limits(time_s=3.5 * 3600.0, energy_j=1_050_000.0, overrun_penalty=60.0),
-        targets=tuple(targets),
-        requests=_requests(targets, profile, rng),
-        keep_outs=keep_outs,
+        keep_outs=_keep_outs(terrain, start, rng),
         refs={"terrain": terrain.name},
     )
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from executive.crl import canonical_text
 from ground.day.prepare import PreparedDay, prepare_day
-from ground.demo.mission import demo_mission
+from ground.demo.mission import bare_day
 from ground.uplink.flight import Flight, fly
 from mission import Day, Request, Tracked
 from planner.emit_crl import emit
@@ -60,7 +60,7 @@ def asked_day(terrain: Terrain, seed: int, targets: int) -> Day:
         If the site has no place for the rover to start.
     """
     rng = np.random.default_rng([seed, 0xDA7])
-    mission = demo_mission(terrain, PROFILE, seed=seed)
+    mission = bare_day(terrain, seed=seed)
     chosen = visible_targets(terrain, PROFILE, mission, targets, seed)
     requests = [
         Request(f"R{t.id.removeprefix('T')}", t.id, CONTACT, float(rng.integers(8, 25)), (Tracked(),))

@@ -17,7 +17,7 @@ from typing import Any
 
 from executive.crl import canonical_text
 from ground.day.prepare import PreparedDay, prepare_day
-from ground.demo.mission import demo_mission
+from ground.demo.mission import bare_day
 from ground.uplink.flight import Flight, fly
 from mission import Request, Target, Tracked
 from planner.emit_crl import emit
@@ -76,7 +76,7 @@ def fly_plain_day(
         terrain = ground()
     profile = load_profile("k9")
     with stage("targets, observation points, paths"):
-        mission = demo_mission(terrain, profile, seed=seed)
+        mission = bare_day(terrain, seed=seed)
         chosen = visible_targets(terrain, profile, mission, targets, seed)
         requests = tuple(Request(f"R{k + 1}", t.id, "mi", 20.0, (Tracked(),)) for k, t in enumerate(chosen))
         limits = replace(mission.limits, time_s=TIME_S, energy_j=ENERGY_J)

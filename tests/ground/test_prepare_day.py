@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 from ground.day.prepare import PreparedDay, calibration_of, prepare_day, stand_for
-from ground.demo.mission import demo_mission, target_at
+from ground.demo.mission import bare_day, demo_mission, target_at
 from ground.errors import InvalidInputError
 from ground.reports.figures import ribbons
 from mission import After, Day, KeepOut, Request, Sky, SunElevation, Target, Tracked, Window
@@ -66,6 +66,12 @@ def test_demo_targets_lie_outside_the_keep_outs() -> None:
     for keep_out in day.keep_outs:
         region = shapely.Polygon(keep_out.polygon_m)
         assert not [t.id for t in day.targets if shapely.contains_xy(region, *t.point_site[:2])]
+
+
+def test_a_bare_day_is_the_demo_mission_before_anything_is_asked_for() -> None:
+    bare = bare_day(_terrain(), seed=1)
+    assert (bare.targets, bare.requests) == ((), ())
+    assert dataclasses.replace(bare, targets=_mission().targets, requests=_mission().requests) == _mission()
 
 
 def test_demo_mission_depends_on_its_seed_alone() -> None:
