@@ -152,7 +152,7 @@ class TargetFollower:
     # ---- commands
 
     def start(self, command: Command) -> Action:
-        """Carry out `trackstart`."""
+        """Carry out `trackstart`; what it draws from the battery is for the caller to tell."""
         name = str(command.parameters["target"])
         if name not in self.targets:
             return Outcome(False, f"unknown target {name}")
@@ -160,14 +160,14 @@ class TargetFollower:
             return Outcome(False, "already tracked")
         if not self.hardware.cameras_work:
             return Outcome(False, "camera failed")
-        energy = yield from self.hardware.spend("trackstart")
+        yield from self.hardware.spend("trackstart")
         self.map.move(self.hardware.believed)
         point = self.position(name)
         try:
             sighting = self.eyes.stereo(point, track=name)
             update = self.tracker.start(name, point, sighting.view)
         except (CameraError, TrackerError, RenderError) as err:
-            return Outcome(False, str(err), {"energy_j": energy})
+            return Outcome(False, str(err))
         followed = Followed(self.targets[name], update, sighting.view)
         self.followed[name] = followed
         self._see(update)
@@ -178,7 +178,6 @@ class TargetFollower:
             values={
                 "confidence": float(update.confidence),
                 "range_m": float(update.scores.get("range_m", 0.0)),
-                "energy_j": energy,
             },
         )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Protocol
 
 from executive.ports import Command
@@ -57,7 +58,14 @@ class Repertoire:
         }
 
     def _start_track(self, command: Command) -> Action:
-        """Carry out `trackstart`; what lies behind the mast's reach is turned to first."""
+        """Carry out `trackstart`; what it drew is told with the turn and the pair that is kept."""
+        hardware = self.follower.hardware
+        begin_j = hardware.drawn_j
+        outcome = yield from self._turn_and_start(command)
+        return replace(outcome, values={**outcome.values, "energy_j": hardware.drawn_j - begin_j})
+
+    def _turn_and_start(self, command: Command) -> Action:
+        """Turn to what lies behind the mast's reach, and start its track."""
         name = str(command.parameters["target"])
         if name in self.follower.targets and name not in self.follower.followed:
             trouble = yield from self.driving.face(self.follower.position(name))

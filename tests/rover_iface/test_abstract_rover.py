@@ -20,7 +20,7 @@ from rover_iface.simulator.faults import Fault, FaultKind, load_faults
 from rover_iface.simulator.faulty_hardware import FaultyHardware
 from rover_iface.simulator.model import AbstractModel, Future, Noise
 from rover_iface.simulator.world import load_world
-from tests.rover_iface.worlds import generated, small_problem
+from tests.rover_iface.worlds import generated, says_what_it_drew, small_problem
 from tests.shared import shared
 
 COUNT = iter(range(10**9))
@@ -84,6 +84,15 @@ def test_a_day_takes_the_time_and_energy_of_its_draws_to_the_millisecond() -> No
     assert placed.updates["trackerstate T1"] == "idle"
     assert placed.t_ms == 765_000
     assert do(r, "navigate", target="T1").t_ms == 765_000
+
+
+def test_every_action_says_what_it_drew_from_the_battery() -> None:
+    r = rover()
+    on_targets = ["trackstart", "navigate", "handoff", "ipplaceinstrument"]
+    results = [do(r, action, target="T1") for action in on_targets]
+    results += [do(r, action) for action in ("image", "imagepanorama", "downlink")]
+    results += [do(r, "turn", angle=0.5), do(r, "heat", duration_s=60.0), do(r, "navigate", x=1.0, y=0.0)]
+    says_what_it_drew(r, results)
 
 
 def test_a_target_is_lost_iff_its_number_is_below_its_chance() -> None:

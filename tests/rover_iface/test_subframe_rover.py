@@ -33,7 +33,7 @@ from rover_iface.telemetry import TrackState
 from rover_iface.terrain import load_terrain
 from rover_iface.terrain.strew import strew_rocks
 from rover_iface.vision.sift import SiftTracker
-from tests.rover_iface.worlds import plane
+from tests.rover_iface.worlds import plane, says_what_it_drew
 
 COUNT = iter(range(10**9))
 
@@ -64,6 +64,8 @@ def day(world: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[TerrainR
         do(rover, "handoff", target="T1"),
         do(rover, "ipplaceinstrument", target="T1", dwell_s=10.0),
         do(rover, "image", target="T2", instrument="scicam"),
+        do(rover, "turn", angle=0.2),
+        do(rover, "heat", duration_s=60.0),
     ]
     return rover, out, results
 
@@ -71,13 +73,20 @@ def day(world: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[TerrainR
 def test_a_target_is_approached_and_touched_within_two_centimetres(
     day: tuple[TerrainRover, Path, list[Result]],
 ) -> None:
-    _, _, (start, drive, handoff, place, _) = day
+    _, _, (start, drive, handoff, place, *_) = day
     assert start.success, start.reason
     assert drive.success, drive.reason
     assert float(drive.values["distance_m"]) > 2.0
     assert handoff.success, handoff.reason
     assert place.values["made"] is True
     assert float(place.values["placement_error_m"]) < 0.02
+
+
+def test_every_action_says_what_it_drew_from_the_battery(
+    day: tuple[TerrainRover, Path, list[Result]],
+) -> None:
+    rover, _, results = day
+    says_what_it_drew(rover, results)
 
 
 def test_dead_reckoning_drifts_but_the_track_holds(day: tuple[TerrainRover, Path, list[Result]]) -> None:

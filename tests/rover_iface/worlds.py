@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
+import pytest
 
+from executive.ports import Result
+from rover_iface.simulator.engine import SimulatedRover
 from rover_iface.terrain import HeightLayer, Terrain, generate_terrain
 
 
@@ -18,6 +22,19 @@ def plane(
     x, y = np.meshgrid(axis, axis)
     heights = (slope_east * x + slope_north * y).astype(np.float32)
     return Terrain("plane", (HeightLayer(heights, -half, -half, spacing),))
+
+
+def says_what_it_drew(rover: SimulatedRover, results: Sequence[Result]) -> None:
+    """Hold the energy that each of the first actions of a rover tells, one after another, against what its
+    telemetry lost, hotel load left out.
+    """
+    before_j = total_j = 0.0
+    for result in results:
+        total_j = float(result.updates.get("energy-used", total_j))  # told where it has changed
+        used_j = total_j - rover.hotel_w * result.t_ms / 1000.0
+        told_j = float(result.values.get("energy_j", 0.0))
+        assert told_j == pytest.approx(used_j - before_j, abs=1e-6), result.command.task
+        before_j = used_j
 
 
 def bumpy(function: Any, *, spacing: float = 0.05, half: float = 6.0) -> Terrain:
