@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Iterator
+from functools import _lru_cache_wrapper, cache
+from types import ModuleType
 
 import pytest
 from hypothesis import settings
@@ -23,7 +25,8 @@ MADE_FOR_ALL = {"fprime": "fprime", "ros_python": "ros2"}
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Bring tests that share something costly to one process, which makes it once; begin with what is slow.
 
-    What is shared is what a module makes for all its tests; each process of the suite would make its own.
+    What is shared is what a module makes for all its tests, by a fixture or by a function that keeps what it
+    returned; each process of the suite would make its own.
     Groups go out by their size, then tests by themselves in this order: a slow one at the end would run
     when the other processes have nothing left to do.
     """
@@ -71,4 +74,13 @@ def shared_by(item: pytest.Function) -> str:
     scopes = {
         made.scope for name in used for made in item.session._fixturemanager.getfixturedefs(name, item) or ()
     }
-    return item.nodeid.partition("::")[0] if "module" in scopes else ""
+    return item.nodeid.partition("::")[0] if "module" in scopes or keeps(item.module) else ""
+
+
+@cache
+def keeps(module: ModuleType) -> bool:
+    """Return whether a module has functions of its own that keep what they returned."""
+    return any(
+        isinstance(made, _lru_cache_wrapper) and made.__module__ == module.__name__
+        for made in vars(module).values()
+    )

@@ -5,9 +5,11 @@ from __future__ import annotations
 import gc
 import weakref
 from collections.abc import Iterator
+from types import ModuleType
 
 import pytest
 
+from tests.conftest import keeps
 from tests.memory import GROWN_MIB, Leavings
 
 
@@ -17,6 +19,14 @@ def test_tests_of_a_group_come_to_one_process(request: pytest.FixtureRequest) ->
     if not request.config.getoption("loadgroup", default=False):
         pytest.skip("the suite runs in one process")
     assert request.node.nodeid.endswith("@one process")
+
+
+def test_a_module_whose_functions_keep_what_they_returned_belongs_to_one_process() -> None:
+    first, second, third = (ModuleType(name) for name in ("first", "second", "third"))
+    exec("from functools import cache\n@cache\ndef site(): return 1", vars(first))
+    vars(second)["site"] = vars(first)["site"]
+    exec("from functools import cache\ndef site(): return 1", vars(third))
+    assert [keeps(module) for module in (first, second, third)] == [True, False, False]
 
 
 @pytest.fixture

@@ -18,6 +18,9 @@ from rover_iface.terrain.rocks import Rock, rock_meshes
 from tests.rover_iface.render import plain_texture
 from tests.rover_iface.render.scenes import ground
 
+pytestmark = pytest.mark.xdist_group("plain texture")
+"""What single points give is compiled by each process that asks for it, which takes seconds."""
+
 RIPPLED = Look(
     soil_mottle=0.7, sand=0.4, grain=0.2, ripples=0.3, wind_rad=0.7, gravel_mottle=0.5, close_up=1.0
 )
