@@ -2,8 +2,9 @@
 
 Of n activities of a kind s succeeded. With a belief p0 worth K = `BELIEVED` of them, the odds are
 (s + K p0) / (n + K), the mean of a beta distribution of parameters K p0 and K (1 - p0) after n trials
-(Gelman et al. 2013, Bayesian Data Analysis, section 2.4). Means and variances of times and energies are those
-of the n and K others as believed taken together.
+(Gelman et al. 2013, Bayesian Data Analysis, section 2.4). Neither parameter is less than `HALF`, so a profile
+that says that a kind never fails is not taken for certain once it was tried. Means and variances of times and
+energies are those of the n and K others as believed taken together.
 """
 
 from __future__ import annotations
@@ -72,7 +73,8 @@ def fit_activity(
     if not count:
         return belief
     succeeded = sum(map(bool, success))
-    p = (succeeded + BELIEVED * belief.p_success) / (count + BELIEVED)
+    believed = min(max(BELIEVED * belief.p_success, HALF), BELIEVED - HALF)
+    p = (succeeded + believed) / (count + BELIEVED)
     time_mean, time_sd = _together(times, belief.time_mean_s, belief.time_sd_s)
     energy_mean, energy_sd = _together(energies, belief.energy_mean_j, belief.energy_sd_j)
     return ActivityFit(

@@ -47,6 +47,15 @@ def test_odds_are_the_mean_and_deviation_of_bayes_rule_on_a_grid(tried: int, suc
     assert (found.tried, found.succeeded) == (tried, succeeded)
 
 
+@pytest.mark.parametrize("certain", [0.0, 1.0])
+def test_no_odds_are_certain_after_few_that_went_as_believed(certain: float) -> None:
+    sure = replace(BELIEF, p_success=certain)
+    few, many = (fit_activity(sure, [certain == 1.0] * n, [1.0] * n, [1.0] * n) for n in (3, 300))
+    assert 0.03 < abs(few.p_success - certain) < 0.1
+    assert 0.0 < abs(many.p_success - certain) < 0.003
+    assert few.p_se > abs(few.p_success - certain) / 2
+
+
 def test_many_runs_outweigh_what_was_believed_and_few_do_not() -> None:
     rng = np.random.default_rng(4)
     times, energies = rng.normal(700.0, 200.0, 2000).clip(1.0), rng.normal(9000.0, 500.0, 2000)
