@@ -144,20 +144,50 @@ def settings_for(folder: Path, address: str = "", **more: Any) -> Settings:
     return load_settings(data_dir=folder, database_url=address, executor="inline", stream_seconds=0.2, **more)
 
 
+@pytest.fixture(scope="session")
+def sqlite_profiles(sqlite_template: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Give a database with the local profiles, to be copied."""
+    folder = tmp_path_factory.mktemp("profiles")
+    shutil.copyfile(sqlite_template, folder / "outcrop.db")
+    repository = open_repository(settings_for(folder))
+    ensure_profiles(repository)
+    with repository.database.engine.connect() as connection:
+        connection.exec_driver_sql("PRAGMA wal_checkpoint(TRUNCATE)")
+    repository.database.dispose()
+    return folder / "outcrop.db"
+
+
+@pytest.fixture(scope="session")
+def postgres_profiles(postgres: PostgresServer, tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Give the name of a database with the local profiles, to be cloned."""
+    address = postgres.clone()
+    repository = open_repository(settings_for(tmp_path_factory.mktemp("profiles"), address))
+    ensure_profiles(repository)
+    repository.database.dispose()
+    yield str(make_url(address).database)
+    postgres.drop(address)
+
+
+@pytest.fixture
+def with_profiles() -> bool:
+    """Whether `database_address` has the local profiles."""
+    return True
+
+
 DATABASES = ["sqlite", pytest.param("postgresql", marks=pytest.mark.postgres)]
 
 
 @pytest.fixture(params=DATABASES)
-def database_address(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
-    """Give the address of a migrated, empty database."""
+def database_address(request: pytest.FixtureRequest, tmp_path: Path, with_profiles: bool) -> Iterator[str]:
+    """Give the address of a migrated database with the local profiles, if these are wanted, and no more."""
     if request.param == "sqlite":
-        template: Path = request.getfixturevalue("sqlite_template")
+        template: Path = request.getfixturevalue("sqlite_profiles" if with_profiles else "sqlite_template")
         (tmp_path / "data").mkdir()
         shutil.copyfile(template, tmp_path / "data" / "outcrop.db")
         yield f"sqlite:///{tmp_path / 'data' / 'outcrop.db'}"
     else:
         server: PostgresServer = request.getfixturevalue("postgres")
-        address = server.clone()
+        address = server.clone(request.getfixturevalue("postgres_profiles") if with_profiles else "")
         yield address
         server.drop(address)
 
@@ -166,18 +196,16 @@ def database_address(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator
 def repo(database_address: str, tmp_path: Path) -> Iterator[Repository]:
     """Give a repository with the local profiles and nothing else."""
     repository = open_repository(settings_for(tmp_path / "data", database_address))
-    ensure_profiles(repository)
     yield repository
     repository.database.dispose()
 
 
 @pytest.fixture
-def sqlite_repo(sqlite_template: Path, tmp_path: Path) -> Iterator[Repository]:
+def sqlite_repo(sqlite_profiles: Path, tmp_path: Path) -> Iterator[Repository]:
     """Give a repository on SQLite, for what does not depend on the database."""
     (tmp_path / "data").mkdir()
-    shutil.copyfile(sqlite_template, tmp_path / "data" / "outcrop.db")
+    shutil.copyfile(sqlite_profiles, tmp_path / "data" / "outcrop.db")
     repository = open_repository(settings_for(tmp_path / "data"))
-    ensure_profiles(repository)
     yield repository
     repository.database.dispose()
 

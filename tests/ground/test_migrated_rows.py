@@ -38,6 +38,11 @@ CREDENTIALS = {"people", "credentials", "signing_keys"}
 
 
 @pytest.fixture
+def with_profiles() -> bool:
+    return False  # each table gets one row of the tests' own
+
+
+@pytest.fixture
 def database(database_address: str) -> Iterator[Database]:
     found = Database(database_address)
     yield found
