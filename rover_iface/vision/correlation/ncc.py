@@ -209,11 +209,21 @@ class NccTracker:
         """Return the view that a target was last found in."""
         return self._get(target).last
 
-    def put(self, target: str, view: StereoView, pixel: Array, drift: Drift, away_m: float) -> bool:
+    def put(
+        self,
+        target: str,
+        view: StereoView,
+        pixel: Array,
+        drift: Drift,
+        away_m: float,
+        *,
+        known: KnownRange | None = None,
+    ) -> bool:
         """Go on from where another look has the target in this view; False where stereo does not range it.
 
         `pixel` (2,) is that of the left image, `drift` what that look leaves open, `away_m` the range there.
-        A track that was lost, even failed, is taken up again so.
+        Where that is `known` better than a window of this view has it, it is the track's. A track that was
+        lost, even failed, is taken up again so.
         """
         track = self._get(target)
         limit = self.options.stereo_limit
@@ -223,6 +233,8 @@ class NccTracker:
             match = self._stereo(view, pixel, away_m, spread=KNOWN_SHARE)
         if match is None or match.score < limit:
             return False
+        if known is not None:
+            match = _ranged(view, pixel, match, known)
         judged = Judgement(scores={"range_m": float(np.linalg.norm(match.point - view.left_camera.C))})
         judged.scores["template_px"] = float(self.options.template_px)
         track.update = self._accept(target, track, view, pixel, match, drift, judged)

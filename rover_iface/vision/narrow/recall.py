@@ -30,10 +30,10 @@ from rover_iface.vision.correlation.ncc import NccTracker
 from rover_iface.vision.coverage_watch import INSIDE
 from rover_iface.vision.drape import DrapeOptions
 from rover_iface.vision.handoff import Handoff, Side
-from rover_iface.vision.handoff_cascade import Answer, CascadeOptions, cascade
+from rover_iface.vision.handoff_cascade import RANGE_PX, Answer, CascadeOptions, cascade
 from rover_iface.vision.narrow.designation import off_the_edge
 from rover_iface.vision.narrow.references import Kept, References
-from rover_iface.vision.narrow_range import PairFor
+from rover_iface.vision.narrow_range import KnownRange, PairFor
 from rover_iface.vision.template import NccOptions, TemplateMatcher
 from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
 
@@ -92,6 +92,8 @@ FOR_A_TOOL_M, TOOL_AWAY_M, MOST_ASKED = 0.006, 2.0, 4
 0.8 to 1.6 m from the mast), and how many narrow pairs are asked at most: each costs a second. 2 cm
 (95 %) on a surface with relief are 7.3 mm, of which the match itself takes 4. Targets of days looked at were
 refused as known to 2.3 to 2.5 cm, one of them 3 mm off (494705035 to 494705038, 105976488)."""
+TOOL_M = 0.0073
+"""Those 7.3 mm: what is told of a target within reach, and is more, is asked of the pictures again."""
 SAME_SIGMAS = 3.0
 """Deviations that answers of two pairs may be apart, the better known of which is then taken."""
 LEAST_SCORE = 0.75
@@ -187,28 +189,14 @@ class NarrowRecall:
         memory = self._memories.get(target)
         if memory is None:
             return update
-        # what was known a moment ago is asked for at once: at its goal the rover comes no nearer
-        anew = memory.confirmed and update.state is not TrackState.TRACKED
+        believed, anew = _doubts(memory, update, view)
         if update.state is not TrackState.TRACKED:
-            memory.confirmed, memory.share = False, AGAIN
-            if memory.expected is not None:
-                # correlation may have given it up: the pictures have not
-                position, covariance = memory.expected
-                update = replace(update, state=TrackState.LOST, position=position, covariance=covariance)
+            update = believed
         eye = view.left_camera.C
         away = float(np.linalg.norm(update.position - eye))
-        come = math.inf if memory.asked is None else float(np.linalg.norm(eye - memory.asked))
-        if away <= RECALL_M and (anew or come >= memory.share * away):
-            pair = _taken(self.wide, target, update.position)
-            if pair is not None:
-                memory.asked, memory.share = eye, AGAIN
-                found = self._recalled(target, memory, pair, update)
-                if found is not update:
-                    # its pixel is of the wider pair
-                    pixel = np.asarray(view.left_camera.project(found.position), dtype=np.float64)
-                    update = replace(found, pixel=pixel)
-                memory.refused = memory.refused + 1 if update.state is TrackState.LOST else 0
-        if away > RECALL_M and _is_sought(memory, update, eye, away, view.t_s):
+        if away <= RECALL_M:
+            update = self._from_near(target, memory, view, update, believed, anew=anew)
+        elif _is_sought(memory, update, eye, away, view.t_s):
             update = self._from_afar(target, memory, view, update)
         if memory.refused >= REFUSED:
             return replace(update, state=TrackState.FAILED)
@@ -217,6 +205,37 @@ class NarrowRecall:
         if memory.asked is not None and not memory.confirmed:
             update = replace(update, covariance=update.covariance + UNCONFIRMED_M**2 * np.eye(3))
         return update if memory.against is None else _doubted(update, memory.against)
+
+    def _from_near(
+        self,
+        target: str,
+        memory: _Memory,
+        view: StereoView,
+        update: TrackUpdate,
+        believed: TrackUpdate,
+        *,
+        anew: bool,
+    ) -> TrackUpdate:
+        """Return a target near by as the pictures have it; else `update`, as correlation has it.
+
+        They are asked round where it is `believed`, where the rover has come far enough or must know `anew`.
+        """
+        eye = view.left_camera.C
+        away = float(np.linalg.norm(update.position - eye))
+        come = math.inf if memory.asked is None else float(np.linalg.norm(eye - memory.asked))
+        due = anew or come >= memory.share * away
+        pair = _taken(self.wide, target, believed.position) if due else None
+        if pair is not None:
+            memory.asked, memory.share = eye, AGAIN
+            found = self._recalled(target, memory, pair, believed)
+            if found is not believed:
+                # its pixel is of the wider pair
+                pixel = np.asarray(view.left_camera.project(found.position), dtype=np.float64)
+                update = replace(found, pixel=pixel)
+            memory.refused = memory.refused + 1 if update.state is TrackState.LOST else 0
+        if believed is not update and not memory.confirmed and memory.against is None:
+            memory.against = believed.position - update.position
+        return update
 
     def _from_afar(self, target: str, memory: _Memory, view: StereoView, update: TrackUpdate) -> TrackUpdate:
         """Return a target as the narrow pair has it from afar, a pair that is then kept; else `update`."""
@@ -283,7 +302,10 @@ class NarrowRecall:
         for sigma_m, answer in sorted(answers, key=lambda one: one[0]):
             away = float(np.linalg.norm(answer.position - eye))
             drift = sigma_m**2 * np.eye(3), np.zeros((3, 2))
-            if not self.tracker.put(target, pair, answer.pixel, drift, away):
+            # two pairs and dozens of patches have the surface: the tracker's window of this one alone may
+            # hold what lies behind an edge
+            known_range = KnownRange(away, _range_error_m(pair, away))
+            if not self.tracker.put(target, pair, answer.pixel, drift, away, known=known_range):
                 continue
             if recognised:
                 self.tracker.recognised(target)
@@ -340,6 +362,51 @@ def _taken(look: PairFor | None, target: str, point: Array) -> StereoView | None
         return look(target, point)
     except (CameraError, RenderError, TrackerError):
         return None
+
+
+def _range_error_m(view: StereoView, away_m: float) -> float:
+    """Return what the range of a patch errs in a pair, m, one standard deviation."""
+    baseline_m = float(np.linalg.norm(view.right_camera.C - view.left_camera.C))
+    return RANGE_PX * away_m**2 / (view.left_camera.hs * baseline_m)
+
+
+def _doubts(memory: _Memory, update: TrackUpdate, view: StereoView) -> tuple[TrackUpdate, bool]:
+    """Return the answer of correlation, where the drive and the other targets have the target if that is lost
+    or contradicts them; and whether the pictures, which have shown it, are to be asked at once: at its goal
+    the rover comes no nearer.
+    """
+    lost = update.state is not TrackState.TRACKED
+    astray = _astray(memory, update)
+    anew = memory.confirmed and (lost or astray or _blurred(memory, update, view))
+    if not (lost or astray):
+        return update, anew
+    memory.confirmed, memory.share = False, AGAIN
+    if memory.expected is None:
+        return update, anew
+    position, covariance = memory.expected
+    believed = replace(update, position=position, covariance=covariance)
+    # correlation may have given it up: the pictures have not
+    return replace(believed, state=TrackState.LOST) if lost else believed, anew
+
+
+def _astray(memory: _Memory, update: TrackUpdate) -> bool:
+    """Return whether correlation follows a target that the pictures have shown where neither the drive nor
+    the other targets have it: on an edge that turns away it slides, and tells millimetres.
+    """
+    if not memory.confirmed or memory.expected is None or update.state is not TrackState.TRACKED:
+        return False
+    expected, covariance = memory.expected
+    gap = update.position - expected
+    return float(gap @ np.linalg.solve(covariance + update.covariance, gap)) > ASTRAY
+
+
+def _blurred(memory: _Memory, update: TrackUpdate, view: StereoView) -> bool:
+    """Return whether a target within reach is known too poorly for a tool since the pictures have shown it:
+    what a chain of templates adds as the rover goes round it, they take away.
+    """
+    within = float(np.linalg.norm(update.position - view.left_camera.C)) <= TOOL_AWAY_M
+    worst_m = math.sqrt(float(np.linalg.eigvalsh(update.covariance)[-1]))
+    return within and memory.share == ONCE_MORE and worst_m > TOOL_M
 
 
 def _same_spot(one: tuple[float, Answer], other: tuple[float, Answer]) -> bool:

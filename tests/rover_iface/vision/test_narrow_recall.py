@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,8 +12,10 @@ from rover_iface.behaviour.following import Followed
 from rover_iface.behaviour.placing import require_known
 from rover_iface.behaviour.target import DesignatedTarget
 from rover_iface.cameras.model import Array
+from rover_iface.cameras.stereo import PointMatch
 from rover_iface.errors import CameraError, TrackerError
 from rover_iface.frames import Transform
+from rover_iface.vision.correlation import ncc
 from rover_iface.vision.correlation.ncc import FOUND_AGAIN, NccTracker
 from rover_iface.vision.narrow import recall
 from rover_iface.vision.narrow.designation import off_the_edge
@@ -102,6 +105,66 @@ def test_a_pair_that_knows_the_target_too_poorly_for_a_tool_is_not_the_last_one_
     assert np.sqrt(np.linalg.eigvalsh(found.covariance)[-1]) < 0.006
 
 
+def test_a_window_that_holds_what_lies_behind_an_edge_ranges_no_target_that_pictures_have(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    ranged = ncc.point_stereo
+
+    def behind(*given: Any, **options: Any) -> PointMatch | None:
+        match, camera = ranged(*given, **options), given[2]
+        if match is None:
+            return None
+        ray = match.point - camera.C
+        return replace(match, point=match.point + 0.07 * ray / np.linalg.norm(ray))
+
+    tracker, point = begun()
+    monkeypatch.setattr(ncc, "point_stereo", behind)
+    found = tracker.update("A", blank(view("navcam", NEAR_X, DRIFT)))
+    off = found.position - DRIFT.apply(point)
+    assert np.linalg.norm(off) < 0.01
+    assert off @ np.linalg.solve(found.covariance, off) < 16.0
+
+
+def followed_beside(wide: bool) -> tuple[NarrowRecall, TrackUpdate, Array]:
+    """Return a tracker that was confirmed and follows a spot 8 cm beside its target, told as known to
+    millimetres, its answer where map and drive have the target, and where that is (3,).
+    """
+    tracker, point = begun()
+    near, place = view("navcam", NEAR_X, DRIFT), DRIFT.apply(point)
+    assert tracker.update("A", near).state is TrackState.TRACKED
+    put_there(tracker, near, place + np.array([0.0, 0.08, 0.0]))
+    tracker.expect("A", place, 0.013**2 * np.eye(3))
+    if not wide:
+        tracker.wide = None
+    return tracker, tracker.update("A", near), place
+
+
+def test_a_match_that_drive_and_other_targets_contradict_is_asked_of_the_pictures_at_once() -> None:
+    _, found, place = followed_beside(wide=True)
+    assert found.state is TrackState.TRACKED
+    assert np.linalg.norm(found.position - place) < 0.01
+    assert np.sqrt(np.linalg.eigvalsh(found.covariance)[-1]) < 0.01
+
+
+def test_a_match_that_they_contradict_and_no_picture_shows_is_told_as_no_better_known() -> None:
+    _, found, place = followed_beside(wide=False)
+    off = found.position - place
+    assert np.linalg.norm(off) > 0.05
+    assert off @ np.linalg.solve(found.covariance, off) < 2.0
+
+
+def test_a_target_within_reach_that_became_too_poorly_known_for_a_tool_is_asked_for_at_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(recall, "TOOL_AWAY_M", 5.0)
+    tracker, point = begun()
+    near = view("navcam", NEAR_X, DRIFT)
+    assert tracker.update("A", near).state is TrackState.TRACKED
+    put_there(tracker, near, DRIFT.apply(point), sigma_m=0.03)
+    again = tracker.update("A", near)
+    assert np.sqrt(np.linalg.eigvalsh(again.covariance)[-1]) < 0.01
+
+
 @pytest.mark.parametrize(("patches", "off_m", "state"), [
     (60, 0.24, TrackState.TRACKED), (44, 0.24, TrackState.LOST), (44, 0.05, TrackState.TRACKED),
 ])  # fmt: skip
@@ -120,11 +183,12 @@ def test_few_patches_do_not_put_a_lost_target_far_from_where_the_map_has_it(
         assert beside @ found.covariance @ beside > 0.9 * float(beside @ beside) ** 2
 
 
-def put_there(tracker: NarrowRecall, seen: StereoView, place: Array) -> None:
+def put_there(tracker: NarrowRecall, seen: StereoView, place: Array, sigma_m: float = 1e-3) -> None:
     """Let correlation follow the target from a place (3,) in a view on, as if it had come there."""
     pixel = np.asarray(seen.left_camera.project(place))
     away = float(np.linalg.norm(place - seen.left_camera.C))
-    assert tracker.tracker.put("A", seen, pixel, (1e-6 * np.eye(3), np.zeros((3, 2))), away)
+    drift = sigma_m**2 * np.eye(3), np.zeros((3, 2))
+    assert tracker.tracker.put("A", seen, pixel, drift, away)
 
 
 def unseen(tracker: NarrowRecall, place: Array, *sigmas_m: float) -> list[TrackUpdate]:
