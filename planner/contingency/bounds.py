@@ -23,14 +23,18 @@ from planner.tally import SECONDS, Step, now_s
 GRIDS = tuple((nt, nt * 7 // 12) for nt in (25, 33, 49, 65, 97, 145, 193, 257, 385, 513, 769))
 """Nodes in time and energy of a table that rounds down."""
 
-CLOSE_GRIDS = tuple((nt, nt * 7 // 6) for nt in dict.fromkeys(int(25 * 1.045**k) for k in range(43)))
+CLOSE_GRIDS = tuple((nt, nt * 7 // 6) for nt in dict.fromkeys(int(25 * 1.02**k) for k in range(94)))
 """Those of a table of functions above the value: drives scatter less in energy than in time, and each takes a
-seventh more than the one before, so that little of a limit is left over."""
+sixteenth more than the one before, so that little of a limit is left over."""
 
 CLOSE_FROM_S, DOWN_SHARE = 1.0, 0.15
 """Limit from which both tables are made, and the share of it for the one that rounds down: it is closer where
 amounts scatter little. It comes first, and what it leaves is for the other; where that is the finest there
 is, the rest of the limit is for a finer one that rounds down. By hand."""
+
+SCATTER = 1.0 / 48.0
+"""Share of the day by which half of the drives scatter where functions above the value have the whole limit:
+a cell of a middling table, over which they are smooth. By hand."""
 
 TABLE_MB = 1200.0
 """Largest table of a bound, in single precision, MB. By hand: a worker is to stay well below 4 GB."""
@@ -139,12 +143,15 @@ def upper_bound(
         drives += (4 * here + model.n) * model.n // 4  # those that win nothing are looked at once
     down, above = _rounded_down(model, drives), _above(model, drives)
     close = limit_s >= CLOSE_FROM_S
-    found = [_by_table(down, len(every), limit_s * (DOWN_SHARE if close else 1.0))]
+    spreads_s = model.leg[model.has_leg][:, 1]
+    scattered = 2 * np.count_nonzero(spreads_s >= SCATTER * model.t_max_s) > len(spreads_s)
+    first_s = 0.0 if close and scattered else limit_s * (DOWN_SHARE if close else 1.0)
+    found = [_by_table(down, len(every), first_s)]
     if close:
         left_s = limit_s - down.taken_s(found[0])
         finest = _by_table(above, len(every), left_s)
         found.append(finest)
-        if finest is not None and finest.nodes == above.sizes[0]:
+        if finest is None or finest.nodes == above.sizes[0]:
             found.append(_by_table(down, len(every), left_s - above.taken_s(finest)))
     tables = [bound for bound in found if bound is not None]
     return min([best, *tables], key=lambda bound: bound.value) if tables else relaxed()

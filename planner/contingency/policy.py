@@ -16,6 +16,7 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
+from numba import njit
 
 from planner.evaluate.grid import Grid
 from planner.evaluate.model import Model
@@ -227,6 +228,21 @@ class LiveSets:
         return every, during
 
 
+@njit(cache=True, nogil=True)
+def _raised(table: Any, places: Any, s: int, values: Any) -> Any:
+    """Let values [k, nt, ng] compete at places [k] for those of live set s in a table [places, sets, nt, ng];
+    return for each whether it won at some node, [k].
+    """
+    won = np.zeros(len(places), np.bool_)
+    for k in range(len(places)):
+        for i in range(values.shape[1]):
+            for j in range(values.shape[2]):
+                if values[k, i, j] > table[places[k], s, i, j]:
+                    table[places[k], s, i, j] = values[k, i, j]
+                    won[k] = True
+    return won
+
+
 class Policy:
     """Table of the optimal value V[place][live set] over one grid."""
 
@@ -373,7 +389,7 @@ class Policy:
         for place in here:
             origins = [a for a in away if self.model.has_leg[a, place]]
             for chosen, values in self._departures(place, origins, live, rows, tracked):
-                table[chosen, s] = np.maximum(table[chosen, s], values)
+                _raised(table, np.array(chosen), s, values)
 
     def _drive_anywhere(
         self, s: int, live: Live, tracked: list[int], here: list[int], origins: list[int]
@@ -393,14 +409,13 @@ class Policy:
             for place in sorted(risen):
                 others = [a for a in origins if a != place and self.model.has_leg[a, place]]
                 for chosen, values in self._departures(place, others, live, rows, tracked):
-                    better = np.any(values > table[chosen, s], axis=(1, 2))
-                    table[chosen, s] = np.maximum(table[chosen, s], values)
+                    better = _raised(table, np.array(chosen), s, values)
                     following.update(a for a, rose in zip(chosen, better, strict=True) if rose and a)
             risen = following
         if origins[0] == 0:
             for place in (p for p in origins[1:] if p not in here and self.model.has_leg[0, p]):
                 for chosen, values in self._departures(place, [0], live, rows, tracked):
-                    table[chosen, s] = np.maximum(table[chosen, s], values)
+                    _raised(table, np.array(chosen), s, values)
         return not risen or not self.grid.bounds  # only a bound needs the last digit
 
     def _departures(

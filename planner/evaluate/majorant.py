@@ -11,10 +11,12 @@ that expectation may bulge between the nodes. What is given away is of second or
 
    psi is convex, so a term lies below its chord over a cell if c_j > 0, and above it by at most
    -c_j D if c_j < 0, with D the largest distance between psi and its chord: where psi' = P(X <= y) is the
-   slope of the chord. So the chord of q(u_i) + e_i, e_i = sum over c_j < 0 of -c_j max D over both cells at
-   the node, is nowhere below q.
+   slope of the chord. So the chord of q(u_i) + e_i is nowhere below q, where e_i is the larger, of both cells
+   at the node, of the sums over c_j < 0 of -c_j D.
 2. *Both resources.* With g at a node the expectation over the time of an action is as in 1; between nodes of
    g it is linear in g, as w is. The expectation over the energy then is as in 1 of that bilinear function.
+   The value falls in g, so behind the last node W is what it is there: that node may lie where a day hardly
+   comes to (`_most_driven_j`), short of the budget.
 3. *Ending within the budgets.* What an action earns and the overrun cost that it does not meet are won with
    the chance P(t, g) that it ends within both budgets. P falls in t and g. It is worked out, rounded up, on
    cells finer by `FINER`, and raised at the nodes until its chords are above it there too, by as little as
@@ -29,18 +31,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from planner.evaluate.grid import Grid, Rounding, mean_above, probability_below, toeplitz, weights_from
-from planner.evaluate.model import Floats, Model
+from planner.evaluate.grid import Grid, Rounding, mean_above, probability_below, weights_from
+from planner.evaluate.model import LEAST, Floats, Model
+from planner.evaluate.raised_chances import LITTLE, least_above
 from planner.tally import SECONDS, Step, spend
-
-Singles = NDArray[np.float32]
 
 FINER = 6
 """Cells to a cell of the grid on which the chance to end within the budgets is worked out. By hand."""
@@ -48,16 +48,14 @@ FINER = 6
 MOST_FINE = 400
 """Cells of time to which those are kept: more take longer than the table."""
 
-TURNS = 16
-"""Rounds in which the nodes of a chance are raised, the last of which may raise some above 1. By hand."""
+TAIL = 1e-10
+"""Chance of a cell, or share of it, that is left out far ahead: `bounds.MARGIN` has room for all of them."""
 
-LITTLE = 1e-6
-"""Chance by which a node is not lowered: single precision is not finer. By hand."""
+FASTER = 1.3
+"""How much faster than by the hungriest drives a day may use its energy before a table grows loose. By hand:
+drive times scatter, most of all those of single drives."""
 
-NOISE = 1e-9
-"""Chance by which a chord may seem too low: a hundredth of what chances are raised by for rounding."""
-
-ENDS, RAISES = 24, 8
+ENDS, RAISES = 12, 5
 """Elements (`Step.ELEMENT`) that one fine node takes, once for each drive, and once more for each number of
 tracks. By hand, by processor seconds."""
 
@@ -71,9 +69,9 @@ def _below(y: Floats, mu: float, sigma: float) -> Floats:
 def _bulges(nodes: int, step: float, mu: float, sigma: float, shift: float) -> Floats:
     """Return by how much the chord over a cell is above E[(y - X - shift)+], in cells, (nodes,).
 
-    The k-th is the largest over both cells at a node, of which the kink is k nodes ahead.
+    The k-th is of a kink k nodes ahead of the cell's first node; one there or before does nothing in it.
     """
-    left = np.asarray(np.arange(-1, nodes) * step - shift, np.float64)
+    left = np.asarray(np.arange(-1, nodes - 1) * step - shift, np.float64)
     right = left + step
     low, high = _below(left, mu, sigma), _below(right, mu, sigma)
     slope = np.clip((high - low) / step, 0.0, 1.0)
@@ -82,8 +80,7 @@ def _bulges(nodes: int, step: float, mu: float, sigma: float, shift: float) -> F
     else:
         at = np.exp(mu + sigma * ndtri(slope))
     at = np.clip(at, left, right)
-    bulge = np.maximum(low + slope * (at - left) - _below(at, mu, sigma), 0.0) / step
-    return np.asarray(np.maximum(bulge[:-1], bulge[1:]))
+    return np.asarray(np.maximum(low + slope * (at - left) - _below(at, mu, sigma), 0.0) / step)
 
 
 def _steepest(mu: float, sigma: float) -> float:
@@ -95,159 +92,153 @@ def _steepest(mu: float, sigma: float) -> float:
     return float(np.max(density * np.abs(1.0 + z / sigma)))
 
 
-@njit(cache=True, nogil=True)
-def _chord(nodes: Floats, i: int, j: int, x: float, y: float) -> float:
-    """Return what is between the nodes of a cell at shares of it in [0, 1]."""
-    low = nodes[i, j] + y * (nodes[i, j + 1] - nodes[i, j])
-    high = nodes[i + 1, j] + y * (nodes[i + 1, j + 1] - nodes[i + 1, j])
-    return low + x * (high - low)
+def _densest(mu: float, sigma: float) -> float:
+    """Return the largest density of a log-normal."""
+    if mu == -math.inf or sigma == 0.0:
+        return math.inf
+    return math.exp(sigma * sigma / 2.0 - mu) / (math.sqrt(2.0 * math.pi) * sigma)
 
 
 @njit(cache=True, nogil=True)
-def _missing(nodes: Floats, fine: Singles, bulge: float, finer: int, i: int, j: int) -> float:
-    """Return by how much the chord of a cell of nodes has to rise, at most 0 where it is above everywhere.
-
-    On a fine cell it is above where its upper corner is above the function at the lower one, since both fall,
-    or where all corners are above it and its bulge.
+def _bends(values: Any, goes_on: bool, bends: Any) -> None:
+    """Write how far each node of values [n, w] is above the chord of its neighbours, times 2, along the first
+    axis. Nothing is before the first node; after the last all is 0, or as there if it `goes_on`.
     """
-    most = -1.0
-    for a in range(finer):
-        for b in range(finer):
-            short = fine[i * finer + a, j * finer + b] - _chord(nodes, i, j, (a + 1) / finer, (b + 1) / finer)
-            if short <= most:
-                continue
-            over = -1.0
-            for p in range(a, a + 2):
-                for q in range(b, b + 2):
-                    chord = _chord(nodes, i, j, p / finer, q / finer)
-                    over = max(over, fine[i * finer + p, j * finer + q] - chord)
-            most = max(most, min(short, over + bulge))
-    return most
+    n, width = values.shape
+    for c in range(width):
+        bends[0, c] = 0.0
+    for i in range(1, n - 1):
+        for c in range(width):
+            bends[i, c] = max(2 * values[i, c] - values[i - 1, c] - values[i + 1, c], np.float32(0.0))
+    twice = 1 if goes_on else 2
+    for c in range(width):
+        bends[n - 1, c] = max(twice * values[n - 1, c] - values[n - 2, c], np.float32(0.0))
 
 
-@njit(cache=True, nogil=True)
-def _room(
-    nodes: Floats, fine: Singles, bulge: float, finer: int, cell: tuple[int, int], node: tuple[int, int]
-) -> float:
-    """Return by how much one node of a cell may fall and leave its chord above, by the same conditions."""
-    i, j = cell
-    least = np.inf
-    for a in range(finer):
-        for b in range(finer):
-            x, y = (a + 1) / finer, (b + 1) / finer
-            weight = (x if node[0] > i else 1.0 - x) * (y if node[1] > j else 1.0 - y)
-            spare = _chord(nodes, i, j, x, y) - fine[i * finer + a, j * finer + b] + NOISE
-            if spare >= least * weight and spare >= 0.0:
-                continue
-            by_corner = spare / weight if weight > 0.0 else (np.inf if spare >= 0.0 else -np.inf)
-            by_all = np.inf
-            for p in range(a, a + 2):
-                for q in range(b, b + 2):
-                    x, y = p / finer, q / finer
-                    weight = (x if node[0] > i else 1.0 - x) * (y if node[1] > j else 1.0 - y)
-                    spare = _chord(nodes, i, j, x, y) - fine[i * finer + p, j * finer + q] - bulge + NOISE
-                    if spare < 0.0:
-                        by_all = -np.inf
-                    elif weight > 0.0:
-                        by_all = min(by_all, spare / weight)
-            least = min(least, max(by_corner, by_all))
-    return least
+@njit(cache=True, nogil=True, fastmath=True)
+def _add(weights: Any, low: int, high: int, rows: Any, width: int, found: Any) -> None:
+    """Add the sum over low <= k < high of weights[k] * rows[k, :width] to found[:width].
 
-
-@njit(cache=True, nogil=True)
-def _asked_rise(
-    nodes: Floats, fine: Singles, bulge: float, finer: int, asked: NDArray[np.bool_]
-) -> tuple[Floats, bool]:
-    """Return by how much each node, (nt, ng), is asked to rise by the cells beside it, and whether any is.
-
-    A cell, (nt - 1, ng - 1), that is asked no more was found to be high enough.
+    Eight rows go together: with one at a time the sum would be stored and read again for each.
     """
-    rise = np.zeros(nodes.shape)
-    some = False
-    for i in range(asked.shape[0]):
-        for j in range(asked.shape[1]):
-            if not asked[i, j]:
-                continue
-            missing = _missing(nodes, fine, bulge, finer, i, j)
-            asked[i, j] = missing > NOISE
-            if asked[i, j]:
-                some = True
-                rise[i : i + 2, j : j + 2] = np.maximum(rise[i : i + 2, j : j + 2], missing)
-    return rise, some
+    end = low + max(0, high - low) // 8 * 8
+    for k in range(low, end, 8):
+        a, b, c, d = weights[k], weights[k + 1], weights[k + 2], weights[k + 3]
+        e, f, g, h = weights[k + 4], weights[k + 5], weights[k + 6], weights[k + 7]
+        for x in range(width):
+            found[x] += (
+                (a * rows[k, x] + b * rows[k + 1, x]) + (c * rows[k + 2, x] + d * rows[k + 3, x])
+            ) + ((e * rows[k + 4, x] + f * rows[k + 5, x]) + (g * rows[k + 6, x] + h * rows[k + 7, x]))
+    for k in range(end, high):
+        a = weights[k]
+        for x in range(width):
+            found[x] += a * rows[k, x]
 
 
 @njit(cache=True, nogil=True)
-def _lowered(nodes: Floats, fine: Singles, bulge: float, finer: int) -> None:
-    """Let each node fall as far as it may, those of the largest chances first."""
-    nt, ng = nodes.shape
-    for i in range(nt):
-        for j in range(ng):
-            room = nodes[i, j] - fine[i * finer, j * finer]
-            for p in range(max(0, i - 1), min(nt - 1, i + 1)):
-                for q in range(max(0, j - 1), min(ng - 1, j + 1)):
-                    if room > LITTLE:
-                        room = min(room, _room(nodes, fine, bulge, finer, (p, q), (i, j)))
-            if room > LITTLE:
-                nodes[i, j] -= room - LITTLE
+def _above_mean(
+    values: Any, kernel: Any, span: Any, widths: Any, goes_on: bool, bends: Any, needs: Any, found: Any
+) -> None:
+    """Write nodes above the expectation of values [n, w] after an amount along the first axis.
 
-
-@njit(cache=True, nogil=True)
-def least_above(fine: Singles, bulge: float, finer: int) -> Floats:
-    """Return nodes [nt, ng] whose chords are above chances that fall in both axes.
-
-    The chances are given at `finer` fine nodes to each node, [finer nt - finer + 1, finer ng - finer + 1],
-    and bulge between them by `bulge` at most. Nodes beside a chord that is too low are raised, none above 1
-    while a neighbour can be raised: a node above the others would be a time and an energy that a policy gains
-    by meeting. Then each falls as far as it may.
+    `kernel` [3, n] and `span` (low, high, early) are as in `Majorant._kernel`; `widths` [n] says how many
+    columns may be within the budgets; after the last node all is 0, or as there if it `goes_on`. `bends` and
+    `needs` [n, w] are overwritten.
     """
-    nt, ng = (fine.shape[0] - 1) // finer + 1, (fine.shape[1] - 1) // finer + 1
-    nodes = fine[::finer, ::finer].astype(np.float64)
-    asked = np.ones((nt - 1, ng - 1), np.bool_)
-    for turn in range(TURNS):
-        rise, some = _asked_rise(nodes, fine, bulge, finer, asked)
-        if not some:
-            break
-        more = nodes + rise
-        nodes = more if turn == TURNS - 1 else np.minimum(more, np.maximum(nodes, 1.0))
-    _lowered(nodes, fine, bulge, finer)
-    return nodes
+    n = len(values)
+    low, high, early = span[0], span[1], span[2]
+    _bends(values, goes_on, bends)
+    found[:] = 0.0
+    needs[:] = 0.0
+    if early > 0:
+        _add(kernel[2], 0, n, values, widths[0], found[0])
+    for i in range(n):
+        if i <= early and early > 0:
+            found[i] = found[0]
+        else:
+            _add(kernel[0], low, min(high, n - i), values[i:], widths[i], found[i])
+        if goes_on:
+            for c in range(widths[i]):
+                found[i, c] += kernel[2, i] * values[n - 1, c]
+        if i >= early:
+            _add(kernel[1], low, min(high, n - i), bends[i:], widths[i], needs[i])
+    for i in range(n):
+        behind, ahead = max(i - 1, 0), min(i, n - 2)
+        for c in range(values.shape[1]):
+            found[i, c] += max(needs[behind, c], needs[ahead, c])
 
 
 @njit(cache=True, nogil=True)
-def _with_bends_t(values: Any, out: Any) -> None:
-    """Write values [k, nt, ng] and, behind them, how far each node is above its neighbours' chord, times 2,
-    along the first axis of nodes. Nothing is before the first node; after the last all is 0.
+def _above_both(
+    after: Any, actions: Any, times: Any, spans_t: Any, energies: Any, spans_g: Any, within: Any, earned: Any,
+    widths: Any, heights: Any, goes_on: bool,
+) -> Any:  # fmt: skip
+    """Return nodes [k, nt, ng] of functions above what k actions earn and the expectations of `after` them.
+
+    `actions` [k] are numbers of the n actions whose kernels [n, 3, nodes], spans [n, 3] and chances to end
+    `within` the budgets [n, nt, ng] are given; `earned` holds what that wins with the penalty that it saves,
+    and the penalty.
     """
-    count, nt, ng = values.shape
+    count, nt, ng = after.shape
+    found = np.empty_like(after)
+    bends, needs, means = np.empty_like(after[0]), np.empty_like(after[0]), np.empty_like(after[0])
+    turned = np.empty((4, ng, nt), after.dtype)
     for k in range(count):
+        a = actions[k]
+        _above_mean(after[k], times[a], spans_t[a], widths, False, bends, needs, means)
         for i in range(nt):
             for j in range(ng):
-                out[k, i, j] = values[k, i, j]
-        for j in range(ng):
-            out[k, nt, j] = 0.0
-        for i in range(1, nt - 1):
-            for j in range(ng):
-                bend = 2 * values[k, i, j] - values[k, i - 1, j] - values[k, i + 1, j]
-                out[k, nt + i, j] = max(bend, np.float32(0.0))
-        for j in range(ng):
-            bend = 2 * values[k, nt - 1, j] - values[k, nt - 2, j]
-            out[k, 2 * nt - 1, j] = max(bend, np.float32(0.0))
-
-
-@njit(cache=True, nogil=True)
-def _with_bends_g(values: Any, out: Any) -> None:
-    """Do the same along the second axis of nodes."""
-    count, nt, ng = values.shape
-    for k in range(count):
+                turned[0, j, i] = means[i, j]
+        _above_mean(turned[0], energies[a], spans_g[a], heights, goes_on, turned[1], turned[2], turned[3])
         for i in range(nt):
             for j in range(ng):
-                out[k, i, j] = values[k, i, j]
-            out[k, i, ng] = 0.0
-            for j in range(1, ng - 1):
-                bend = 2 * values[k, i, j] - values[k, i, j - 1] - values[k, i, j + 1]
-                out[k, i, ng + j] = max(bend, np.float32(0.0))
-            bend = 2 * values[k, i, ng - 1] - values[k, i, ng - 2]
-            out[k, i, 2 * ng - 1] = max(bend, np.float32(0.0))
+                found[k, i, j] = turned[3, j, i] + (earned[0] * within[a, i, j] - earned[1])
+    return found
+
+
+def _most_driven_j(model: Model) -> float:
+    """Return the drive energy, J, above which a table says what it says there.
+
+    The value falls in the energy used, so any choice bounds it. This is where a day ends that draws `FASTER`
+    times what the hungriest observation, or drive with one behind it, draws in the mean, besides the hotel
+    load.
+    """
+    seconds, joules = model.leg[:, :, 0], model.leg[:, :, 2]
+    most = 0.0
+    for m in range(model.m):
+        to = int(model.obs_place[m])
+        legs = (
+            np.append(0.0, seconds[model.has_leg[:, to], to]),
+            np.append(0.0, joules[model.has_leg[:, to], to]),
+        )
+        drawn = (legs[1] + model.obs[m, 2]) / np.maximum(legs[0] + model.obs[m, 0], LEAST)
+        most = max(most, float(np.max(drawn)))
+    draw_w = FASTER * most
+    return model.e_max_j * (draw_w / (draw_w + model.hotel_w) if draw_w > LEAST else 1.0)
+
+
+class Action(NamedTuple):
+    """Log-normal amounts `ln` (mu T, sigma T, mu G, sigma G); nodes of a function above the chance to end
+    `within` the budgets [nt, ng]; a time that comes on top, and when the window opens, s.
+    """
+
+    ln: Floats
+    within: Any
+    shift_s: float = 0.0
+    opens_s: float = 0.0
+
+
+class Actions(NamedTuple):
+    """Kernels of n actions: `times` [n, 3, nt] and `energies` [n, 3, ng] with their spans [n, 3], as
+    `Majorant._kernel` has them, and the chances to end `within` the budgets, nodes of functions above
+    [n, nt, ng].
+    """
+
+    times: Any
+    spans_t: Any
+    energies: Any
+    spans_g: Any
+    within: Any
 
 
 class Majorant(Grid):
@@ -255,12 +246,36 @@ class Majorant(Grid):
 
     def __init__(self, model: Model, nt: int, ng: int, dtype: Any = np.float32):
         super().__init__(model, nt, ng, Rounding.ABOVE, dtype)
+        most_j = _most_driven_j(model)
+        self._cut = most_j < model.e_max_j
+        self.step_g = most_j / (ng - 1)
+        self.g = np.arange(ng) * self.step_g
+        self.energy = model.hotel_w * self.t[:, None] + self.g[None, :]
         self.alive = np.ones(self.shape, self.dtype)
-        self.products *= 2
         self._fine = max(2, min(FINER, MOST_FINE // (nt - 1)))
         self._leg_p: dict[tuple[int, int], tuple[Floats, float]] = {}
         self._leg_within: dict[tuple[int, int, int], Any] = {}
         self._obs_within: dict[int, Any] = {}
+        self._observed: dict[int, Actions] = {}
+        self._widths, self._heights = self._counts(self.energy), self._counts(self.energy.T)
+        # one sum over the nodes ahead for chances and one for needs; those of energy end sooner
+        self.products = 2 * int(self._widths.sum()) * (nt // 2 + min(ng // 2, self._spread_g()))
+
+    def _spread_g(self) -> int:
+        """Return over how many nodes the energy of a drive is spread, about."""
+        of = self.model.leg_ln[self.model.has_leg][:, 2:]
+        if not len(of):
+            return 0
+        low, high = (np.exp(of[:, 0] + far * of[:, 1]) for far in (-6.0, 6.0))
+        return 2 + int(np.mean(high - low) / self.step_g)
+
+    def _counts(self, energy: Floats) -> Any:
+        """Return for each node along the first axis of energies used how many nodes of the other may be
+        within the budget there, [n]: a node over it counts where a cell beside it holds something within.
+        """
+        alive = energy[:-1] <= self.model.e_max_j * (1.0 + 1e-12)
+        counts = np.minimum(alive.sum(axis=1) + 1, energy.shape[1])
+        return np.append(counts[:1], counts)
 
     @property
     def _kinds(self) -> tuple[int, int]:
@@ -272,7 +287,7 @@ class Majorant(Grid):
     def kernels_mb(self) -> float:
         """What the kernels of all drives take, MB."""
         actions, counts = self._kinds
-        each = counts * (2 * self.nt**2 + 2 * self.ng**2 + self.nt * self.ng)
+        each = counts * 2 * self.nt * self.ng
         return 4e-6 * actions * (each + self.nt * self.ng * self._fine**2)
 
     def reckoned_s(self, drives: int) -> float:
@@ -283,6 +298,10 @@ class Majorant(Grid):
         once = legs * (ENDS + RAISES * counts) * fine if self.model.penalty else 0
         return drives * (each + SECONDS[Step.DRIVE]) + once * SECONDS[Step.ELEMENT]
 
+    def corner(self, t_s: float, g_j: float) -> tuple[slice, slice, Floats]:
+        """Return where a point lies; behind the last energy all is as there."""
+        return super().corner(t_s, min(g_j, float(self.g[-1])))
+
     def open_until(self, closes_s: float) -> Floats:
         """Return 1 for time nodes up to the one behind the end of a window, else 0; (nt, 1)."""
         before = np.concatenate([[-math.inf], self.t[:-1]])
@@ -291,45 +310,48 @@ class Majorant(Grid):
 
     # ------------------------------------------------------------------------------------- kernels
 
-    def _kernel(self, nodes: int, step: float, mu: float, sigma: float, shift: float) -> Floats:
-        """Return expectations and, beside them, what is to be added for each kink; (nodes, 2 nodes)."""
-        row = weights_from(0.0, nodes, step, mu, sigma, shift, Rounding.MID)
-        return np.hstack([toeplitz(row), toeplitz(_bulges(nodes, step, mu, sigma, shift))])
+    def _kernel(
+        self, nodes: int, step: float, mu: float, sigma: float, shift: float = 0.0, opens: float = 0.0
+    ) -> tuple[Floats, tuple[int, int, int]]:
+        """Return a kernel [3, nodes] and its span (low, high, early).
 
-    def leg_t(self, a: int, b: int, tracked: int) -> Any:
-        key = (a, b, tracked)
-        if key not in self._leg_t:
-            shift = tracked * self.model.track_leg_s
-            mu, sigma = self.model.leg_ln[a, b, :2]
-            self._leg_t[key] = self._kernel(self.nt, self.step_t, mu, sigma, shift).astype(self.dtype)
-        return self._leg_t[key]
+        From a node on, the chance of each node ahead [0], and what the cell behind the node needs for a kink
+        of each [1]; both but for `TAIL` are from `low` to `high` nodes ahead. Up to the node `early`, if it
+        is not 0, the rover waits: the chances of the nodes themselves are [2]. Else that holds the chance
+        that the amount leads past the last node.
+        """
+        kernel = np.zeros((3, nodes))
+        kernel[0] = weights_from(0.0, nodes, step, mu, sigma, shift, Rounding.MID)
+        kernel[1] = _bulges(nodes, step, mu, sigma, shift)
+        some = np.flatnonzero((kernel[:2] > TAIL).any(axis=0))
+        low, high = (int(some[0]), int(some[-1]) + 1) if len(some) else (0, 0)
+        early = 0
+        kernel[2] = np.maximum(1.0 - np.cumsum(kernel[0])[::-1], 0.0)
+        if opens > 0.0:
+            early = int(np.searchsorted(np.arange(nodes) * step, opens))
+            kernel[2] = weights_from(opens, nodes, step, mu, sigma, shift, Rounding.MID)
+        return kernel, (low, high, early)
 
-    def leg_g(self, a: int, b: int) -> Any:
-        if (a, b) not in self._leg_g:
-            mu, sigma = self.model.leg_ln[a, b, 2:]
-            self._leg_g[a, b] = self._kernel(self.ng, self.step_g, mu, sigma, 0.0).astype(self.dtype)
-        return self._leg_g[a, b]
+    def _drive(self, a: int, to: int, tracked: int) -> Action | None:
+        """Return what there is to know of a drive; None where no leg leads to it."""
+        if not self.model.has_leg[a, to]:
+            return None
+        within = self.leg_within(a, to, tracked) if self.model.penalty else np.zeros(self.shape)
+        return Action(self.model.leg_ln[a, to], within, tracked * self.model.track_leg_s)
 
-    def obs_t(self, m: int) -> Any:
-        if m not in self._obs_t:
-            mu, sigma = self.model.obs_ln[m, :2]
-            kernel = self._kernel(self.nt, self.step_t, mu, sigma, 0.0)
-            opens = float(self.model.window[m, 0])
-            if opens > 0.0:
-                ahead = np.zeros(2 * self.nt)
-                ahead[: self.nt] = weights_from(opens, self.nt, self.step_t, mu, sigma, 0.0, Rounding.MID)
-                early = int(np.searchsorted(self.t, opens))  # the first node at which it is open
-                kernel[:early] = ahead
-                if early < self.nt:
-                    kernel[early, : self.nt] = ahead[: self.nt]
-            self._obs_t[m] = kernel.astype(self.dtype)
-        return self._obs_t[m]
-
-    def obs_g(self, m: int) -> Any:
-        if m not in self._obs_g:
-            mu, sigma = self.model.obs_ln[m, 2:]
-            self._obs_g[m] = self._kernel(self.ng, self.step_g, mu, sigma, 0.0).astype(self.dtype)
-        return self._obs_g[m]
+    def _actions(self, rows: list[Action | None]) -> Actions:
+        """Return the kernels of actions; zeros where there is none."""
+        n = len(rows)
+        times, energies = np.zeros((n, 3, self.nt), self.dtype), np.zeros((n, 3, self.ng), self.dtype)
+        spans_t, spans_g = np.zeros((n, 3), np.int64), np.zeros((n, 3), np.int64)
+        within = np.zeros((n, *self.shape), self.dtype)
+        for k, row in enumerate(rows):
+            if row is not None:
+                within[k] = row.within
+                mu, sigma, mu_g, sigma_g = map(float, row.ln)
+                times[k], spans_t[k] = self._kernel(self.nt, self.step_t, mu, sigma, row.shift_s, row.opens_s)
+                energies[k], spans_g[k] = self._kernel(self.ng, self.step_g, mu_g, sigma_g)
+        return Actions(times, spans_t, energies, spans_g, within)
 
     # ------------------------------------------------------------------------- ending within the budgets
 
@@ -364,6 +386,9 @@ class Majorant(Grid):
         middle = ended(hats) + cheap[:, -1:] * (half - hats[:nt][::-1])
         middle += steep_g * (self.model.hotel_w * step_t) ** 2 / 8.0
         found = np.clip(np.fmin(down, middle).T, 0.0, 1.0)
+        if self.model.hotel_w > 0.0:  # the hotel load of an uncertain time scatters the energy too
+            dense = _densest(mu, sigma) * _densest(mu_g, sigma_g) / self.model.hotel_w
+            steep_g = min(steep_g, dense + steep / self.model.hotel_w**2)
         # it falls in both, so what rises is rounding
         found = np.maximum.accumulate(np.maximum.accumulate(found[::-1, ::-1], 0), 1)[::-1, ::-1]
         return (found + 1e-7).astype(np.float32), (steep * step_t**2 + steep_g * step_g**2) / 8.0
@@ -382,10 +407,14 @@ class Majorant(Grid):
             if (a, b) not in self._leg_p:
                 self._leg_p[a, b] = self._ends(self.model.leg_ln[a, b])
             fine, bulge = self._leg_p[a, b]
-            late = int(tracked * self.model.track_leg_s * self._fine / self.step_t * (1.0 - 1e-12))
-            late = min(late, len(fine))  # the tracks alone may take longer than the day
             moved = np.zeros_like(fine)
-            moved[: len(fine) - late] = fine[late:]
+            late, part = divmod(tracked * self.model.track_leg_s * self._fine / self.step_t, 1.0)
+            if late < len(fine):  # else the tracks alone take longer than the day
+                moved[: len(fine) - int(late)] = fine[int(late) :]
+                # between nodes chances are below their chord and bulge, and below those at the node before
+                behind = np.append(moved[1:], moved[-1:], axis=0)
+                chord = moved + (part * (1.0 - LITTLE)) * (behind - moved) + 4.0 * part * (1.0 - part) * bulge
+                moved = np.fmin(moved, chord).astype(np.float32)
             self._leg_within[key] = self._least_above(moved, bulge)
         return self._leg_within[key]
 
@@ -402,46 +431,29 @@ class Majorant(Grid):
 
     # ------------------------------------------------------------------------------------- one action
 
-    def _expected(self, times: Any, energies: Any, after: Any) -> Any:
-        """Return nodes of a function above the expectation of one of nodes `after` [..., nt, ng]."""
-        flat = after.reshape(-1, *self.shape)
-        up = np.empty((len(flat), 2 * self.nt, self.ng), self.dtype)
-        _with_bends_t(flat, up)
-        mean = times @ up
-        both = np.empty((len(flat), self.nt, 2 * self.ng), self.dtype)
-        _with_bends_g(mean, both)
-        return (both @ energies.swapaxes(-1, -2)).reshape(after.shape)
+    def _before(self, actions: Actions, chosen: list[int], after: Any, won: float) -> Any:
+        """Return nodes of functions above the values [k, nt, ng] before the chosen actions, given those after
+        them and what each wins by ending within the budgets, beside the penalty that it saves.
+        """
+        earned = np.array([self.model.penalty + won, self.model.penalty], self.dtype)
+        return _above_both(after, np.array(chosen), *actions, earned, self._widths, self._heights, self._cut)
 
     def before_legs(
         self, origins: list[int], to: int, tracked: int, after: Any
     ) -> Iterator[tuple[list[int], Any]]:
         """Yield origins, and values before drives from them to one place, given those after them."""
-        penalty = self.dtype.type(self.model.penalty)
         key = (to, tracked)
         if key not in self._stacks:
-            n1 = self.model.n + 1
-            stack = (
-                np.zeros((n1, self.nt, 2 * self.nt), self.dtype),
-                np.zeros((n1, self.ng, 2 * self.ng), self.dtype),
-                np.zeros((n1, *self.shape), self.dtype),
-            )
-            for a in range(n1):
-                if self.model.has_leg[a, to]:
-                    stack[0][a], stack[1][a] = self.leg_t(a, to, tracked), self.leg_g(a, to)
-                    if penalty:
-                        stack[2][a] = self.leg_within(a, to, tracked)
-            self._stacks[key] = stack
-        times, energies, within = self._stacks[key]
-        found = self._expected(times[origins], energies[origins], after)
-        if penalty:
-            found += penalty * (within[origins] - 1)
-        yield origins, found
+            self._stacks[key] = self._actions([self._drive(a, to, tracked) for a in range(self.model.n + 1)])
+        yield origins, self._before(self._stacks[key], origins, after, 0.0)
 
     def before_observation(self, m: int, after: Any, utility: float) -> Any:
         """Return the value before an observation that is carried out."""
         self.count()
-        if self.model.window[m, 0] > 0.0:
+        opens = float(self.model.window[m, 0])
+        if opens > 0.0:
             after = np.maximum.accumulate(after[::-1], axis=0)[::-1]  # waiting is looked at where it ends
-        penalty = self.model.penalty
-        earned = self.dtype.type(penalty + utility) * self.obs_within(m) - self.dtype.type(penalty)
-        return self._expected(self.obs_t(m), self.obs_g(m), after) + earned
+        if m not in self._observed:
+            action = Action(self.model.obs_ln[m], self.obs_within(m), opens_s=opens)
+            self._observed[m] = self._actions([action])
+        return self._before(self._observed[m], [0], np.ascontiguousarray(after)[None], utility)[0]

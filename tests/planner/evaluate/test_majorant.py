@@ -10,8 +10,9 @@ import pytest
 from planner.contingency.bounds import ABOVE, upper_bound
 from planner.contingency.policy import Moves, Policy
 from planner.evaluate.grid import Grid, Rounding
-from planner.evaluate.majorant import Majorant, least_above
+from planner.evaluate.majorant import Majorant
 from planner.evaluate.model import Floats, Model
+from planner.evaluate.raised_chances import least_above
 from tests.planner.examples import example
 from tests.planner.reference.optimum import optimum
 from tests.planner.reference.problems import FAMILIES, generated
@@ -20,9 +21,11 @@ DRAWS = 20_000
 
 
 def _at(grid: Grid, nodes: Floats, t: Floats, g: Floats) -> Floats:
-    """Return a function linear between nodes, 0 one cell behind the last, at points."""
+    """Return a function linear between nodes at points: 0 one cell behind the last time, and as at the last
+    energy behind that.
+    """
     padded = np.zeros((grid.nt + 2, grid.ng + 2))
-    padded[: grid.nt, : grid.ng] = nodes
+    padded[: grid.nt] = np.pad(nodes, ((0, 0), (0, 2)), mode="edge")
     x, y = np.minimum(t / grid.step_t, grid.nt), np.minimum(g / grid.step_g, grid.ng)
     i, j = x.astype(int), y.astype(int)
     x, y = x - i, y - j
@@ -42,11 +45,13 @@ def test_between_nodes_no_expectation_is_above(spread: float, nodes: tuple[int, 
     model = Model.of(
         dataclasses.replace(problem, targets=(dataclasses.replace(first, observations=light), *others))
     )
-    grid = Majorant(model, *nodes, dtype=np.float64)
+    grid = Majorant(model, *nodes)
+    assert 0.4 * model.e_max_j < grid.g[-1] < 0.95 * model.e_max_j
     rng = np.random.default_rng(11)
     after = rng.uniform(0.0, 10.0, grid.shape)
     after = np.maximum.accumulate(np.maximum.accumulate(after[::-1, ::-1], 0), 1)[::-1, ::-1]
     after[grid.energy > model.e_max_j] = 0.0
+    after = after.astype(grid.dtype)
     ((_, drives),) = grid.before_legs([0], 1, 0, after[None])
     made = int(np.flatnonzero(model.obs_place == 1)[0])
     observed = grid.before_observation(made, after, 5.0)
