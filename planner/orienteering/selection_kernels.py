@@ -16,6 +16,9 @@ from planner.orienteering.tour_kernels import LABEL, PLACE, PRICED, random, shor
 
 Array = npt.NDArray[Any]
 
+_FAR = 1e300
+"""More than any prize less penalty: below it nothing is known. Infinities would be undefined where NaN is."""
+
 
 @numba.njit(cache=True, nogil=True)
 def _beside(
@@ -100,41 +103,103 @@ def tour_with(d: Array, near: Array, more: Array, route: Array, state: Array, wo
     return tour[:size].copy()
 
 
-@numba.njit(cache=True, nogil=True)
-def _priced(
-    d: Array, prize: Array, tour: Array, penalty: float, best: Array, follow: Array, work: Array
-) -> tuple[int, int]:
-    """Fill in what is most from each place on (m,) at a penalty on length, and the next place (m,).
-
-    Returns prize and length of the part that is worth most.
-    """
-    m = len(tour)
-    best[m - 1], follow[m - 1] = 0.0, -1
-    work[PRICED] += m * m // 2
+@numba.njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})  # a maximum is the same in any order
+def _onward(apart: Array, worth: Array, penalty: float, best: Array, top: Array) -> None:
+    """Fill in what is most from each place on (m,) at a penalty on length, with its own prize and without."""
+    m = len(worth)
+    best[m - 1] = top[m - 1] = 0.0
     for i in range(m - 2, -1, -1):
-        row = d[tour[i]]
-        top, at = -np.inf, -1
+        most = -_FAR
         for k in range(i + 1, m):
-            worth = best[k] - penalty * row[tour[k]]
-            if worth > top:
-                top, at = worth, k
-        best[i], follow[i] = top + (prize[tour[i]] if i else 0), at
-    value, length, i = 0, 0, 0
-    while follow[i] >= 0:
-        length += d[tour[i], tour[follow[i]]]
-        i = follow[i]
-        value += prize[tour[i]]
-    return value, length
+            x = best[k] - penalty * apart[i, k]
+            most = x if x > most else most
+        top[i] = most
+        best[i] = most + worth[i]
 
 
 @numba.njit(cache=True, nogil=True)
-def _along(tour: Array, follow: Array) -> Array:
-    part, size, i = np.empty(len(tour), np.int64), 0, 0
-    while i >= 0:
-        part[size] = tour[i]
+def _walked(
+    apart: Array, worth: Array, penalty: float, best: Array, top: Array, places: Array
+) -> tuple[float, float, int]:
+    """Return prize, length and size of the part worth most at a penalty, whose places are filled in (m,)."""
+    last = len(worth) - 1
+    value, length, size, i = 0.0, 0.0, 1, 0
+    places[0] = 0
+    while i < last:
+        k = i + 1
+        while k < last and best[k] - penalty * apart[i, k] < top[i]:
+            k += 1
+        length += apart[i, k]
+        value += worth[k]
+        places[size] = k
         size += 1
-        i = follow[i]
-    return part[:size].copy()
+        i = k
+    return value, length, size
+
+
+@numba.njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
+def _so_far(apart: Array, worth: Array, penalty: float, most: Array) -> None:
+    """Fill in what is most up to each place (m,) at a penalty on length, with its own prize."""
+    most[:] = -_FAR
+    most[0] = 0.0
+    for i in range(len(worth) - 1):
+        most[i] += worth[i]
+        for k in range(i + 1, len(worth)):
+            x = most[i] - penalty * apart[i, k]
+            most[k] = x if x > most[k] else most[k]
+
+
+@numba.njit(cache=True, nogil=True)
+def _ways(
+    apart: Array, worth: Array, penalty: float, best: Array, least: float, work: Array
+) -> tuple[Array, Array]:
+    """Return the ways of a part that is worth more than `least` less penalty: first (m + 1,), heads (k,).
+
+    The most up to a place, the way, and the most from its head on bound every part that takes it. The heads
+    of the ways from place i are `heads[first[i] : first[i + 1]]`.
+    """
+    m = len(worth)
+    most = np.empty(m)
+    _so_far(apart, worth, penalty, most)
+    work[PRICED] += m * m
+    first, heads, count = np.zeros(m + 1, np.int64), np.empty(64 * m, np.int64), 0
+    for i in range(m - 1):
+        if most[i] + best[i] - worth[i] > least:
+            for k in range(i + 1, m):
+                if most[i] + best[k] - penalty * apart[i, k] > least:
+                    if count == len(heads):
+                        heads = np.concatenate((heads, np.empty(count, np.int64)))
+                    heads[count] = k
+                    count += 1
+        first[i + 1] = count
+    first[m] = count
+    return first, heads
+
+
+@numba.njit(cache=True, nogil=True)
+def _along(
+    tour: Array, apart: Array, worth: Array, budget: int, work: Array
+) -> tuple[Array, float, float, Array]:
+    """Return the part within the budget at the best penalty, its prize, the penalty and `best` (m,) there."""
+    m = len(tour)
+    best, top = np.empty(m), np.empty(m)
+    places, chosen, size = np.empty(m, np.int64), np.array([0, m - 1]), 2
+    low_value, low_length, high_value, high_length = 0.0, apart[0, m - 1], worth.sum(), 0.0
+    for i in range(m - 1):
+        high_length += apart[i, i + 1]
+    while True:
+        penalty = (high_value - low_value) / (high_length - low_length)
+        _onward(apart, worth, penalty, best, top)
+        work[PRICED] += m * m // 2
+        value, length, size = _walked(apart, worth, penalty, best, top, places)
+        gain = value - penalty * length - (low_value - penalty * low_length)
+        if gain <= 1e-9 * (1.0 + value):
+            return tour[chosen], low_value, penalty, best
+        if length <= budget:
+            low_value, low_length = value, length
+            chosen = places[:size].copy()
+        else:
+            high_value, high_length = value, length
 
 
 @numba.njit(cache=True, nogil=True)
@@ -146,7 +211,7 @@ def part_within(
     Parameters
     ----------
     d, prize
-        Lengths (n, n) and prizes (n,), integers; the prize of the last node of the tour is 0.
+        Lengths (n, n) and prizes (n,), integers; the prize of both ends of the tour is 0.
     buckets
         Of length: of the parts up to a node that fall into the same one, the one worth most is kept, with its
         true length. So the part is within the budget, and nearly the best.
@@ -159,69 +224,61 @@ def part_within(
     -----
     The best penalty on length is found first (the Lagrangean dual: the penalty at which a part that is too
     long and one that is not are worth the same, until no other is worth more). The part within the budget at
-    that penalty is a first answer, and what is still to be had from each place on bounds every label: only
-    labels that could beat the answer are extended. Where clusters lie apart the first answer is poor and the
-    labels are many; on other maps they are few.
+    that penalty is a first answer. What can be had up to a place and from another on bounds every part that
+    goes from the one to the other: labels, which carry prize and length, are extended along those ways alone
+    that could beat the answer. Where clusters lie apart the first answer is poor and the ways are many; on
+    other maps they are few.
     """
     m = len(tour)
-    end = tour[m - 1]
-    best, follow = np.empty(m), np.empty(m, np.int64)
-    high_value, high_length = _priced(d, prize, tour, 0.0, best, follow, work)
-    if high_length <= budget:
-        return _along(tour, follow)
-    part = np.array([tour[0], end])
-    low_value, low_length, penalty = 0, d[tour[0], end], 0.0
-    while True:
-        penalty = (high_value - low_value) / (high_length - low_length)
-        value, length = _priced(d, prize, tour, penalty, best, follow, work)
-        gain = value - penalty * length - (low_value - penalty * low_length)
-        if gain <= 1e-9 * (1.0 + value):
-            break
-        if length <= budget:
-            low_value, low_length = value, length
-            part = _along(tour, follow)
-        else:
-            high_value, high_length = value, length
-    lower = max(low_value, least - 1)
+    apart, worth, whole = np.empty((m, m)), np.empty(m), 0
+    for i in range(m):
+        worth[i] = prize[tour[i]]
+        row = d[tour[i]]
+        for k in range(i + 1, m):
+            apart[i, k] = row[tour[k]]
+        if i + 1 < m:
+            whole += row[tour[i + 1]]
+    work[PRICED] += m * m
+    if whole <= budget:
+        return tour.copy()
+    part, first_value, penalty, best = _along(tour, apart, worth, budget, work)
+    lower = max(first_value, least - 1.0)
+    first, heads = _ways(apart, worth, penalty, best, lower + 0.5 - penalty * budget, work)
+    if first[m] == 0:
+        return part
     work[PRICED] += 2 * m * buckets
-    worth = np.full((m, buckets), -1, np.int64)
-    run = np.zeros((m, buckets), np.int64)
+    gained = np.full((m, buckets), -1.0)
+    run = np.zeros((m, buckets))
     came = np.full((m, buckets), -1, np.int64)
-    worth[0, 0] = 0
+    gained[0, 0] = 0.0
     for i in range(m - 1):
-        u, top = tour[i], -1
-        own = prize[u] if i else 0
-        for b in range(buckets):
-            value, length = worth[i, b], run[i, b]
-            if value <= top:
+        dominant = -1.0
+        for b in range(buckets if first[i] < first[i + 1] else 0):
+            value, length = gained[i, b], run[i, b]
+            if value <= dominant:
                 continue
-            top = value
+            dominant = value
             needed = lower + 0.5 - value - penalty * (budget - length)  # prizes are integers
-            if best[i] - own <= needed:
+            if best[i] - worth[i] <= needed:
                 continue
-            work[LABEL] += m - i
-            for j in range(i + 1, m):
-                v = tour[j]
-                step = d[u, v]
-                full = length + step
-                if best[j] - penalty * step <= needed or full + d[v, end] > budget:
+            work[LABEL] += 1 + first[i + 1] - first[i]
+            for j in heads[first[i] : first[i + 1]]:
+                full = length + apart[i, j]
+                home = full if j == m - 1 else full + apart[j, m - 1]
+                if best[j] - penalty * apart[i, j] <= needed or home > budget:
                     continue
-                k = full * buckets // (budget + 1)
-                got = value + prize[v]
-                if got > worth[j, k] or (got == worth[j, k] and full < run[j, k]):
-                    worth[j, k], run[j, k], came[j, k] = got, full, i * buckets + b
+                k = int(full) * buckets // (budget + 1)
+                got = value + worth[j]
+                if got > gained[j, k] or (got == gained[j, k] and full < run[j, k]):
+                    gained[j, k], run[j, k], came[j, k] = got, full, i * buckets + b
                     if j == m - 1 and got > lower:
                         lower = got
-    top = 0
-    for b in range(buckets):
-        if worth[m - 1, b] > worth[m - 1, top]:
-            top = b
-    if worth[m - 1, top] <= low_value:
+    last = np.argmax(gained[m - 1])
+    if gained[m - 1, last] <= first_value:
         return part
-    part, size = np.empty(m, np.int64), 0
-    at = (m - 1) * buckets + top
+    back, size, at = np.empty(m, np.int64), 0, (m - 1) * buckets + last
     while at >= 0:
-        part[size] = tour[at // buckets]
+        back[size] = tour[at // buckets]
         size += 1
         at = came[at // buckets, at % buckets]
-    return part[:size][::-1].copy()
+    return back[:size][::-1].copy()

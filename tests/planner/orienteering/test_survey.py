@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from planner.orienteering import Experiment, RoutingProblem
 from planner.orienteering.selection_kernels import part_within, tour_with
 from planner.orienteering.survey import SurveyMap, solve_survey
-from planner.orienteering.tour_kernels import KINDS
+from planner.orienteering.tour_kernels import KINDS, LABEL
 from planner.tally import StoppedError, tallied
 
 Array = npt.NDArray[Any]
@@ -52,6 +52,28 @@ def test_the_best_part_of_a_tour_is_that_of_every_subset(
     assert [v for v in tour if v in set(part.tolist())] == part.tolist()
     found = int(m.prize[part].sum())
     assert found == best if least <= best else found <= best
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("least", [0, 10**6])
+def test_the_best_part_of_a_longer_tour_is_that_of_every_length(seed: int, least: int) -> None:
+    """The most for each length, place by place; where a part worth `least` is asked for, nearly as much."""
+    m = SurveyMap.of(_problem(seed, 60, 170))
+    tour = np.array([0, *np.random.default_rng(seed).permutation(np.arange(1, 60)), m.nodes - 1])
+    most = np.full((len(tour), m.budget + 1), -1)
+    most[0, 0] = 0
+    for j in range(1, len(tour)):
+        for i in range(j):
+            step = m.length[tour[i], tour[j]]
+            reached = most[i, : max(0, m.budget + 1 - step)]
+            gained = np.where(reached >= 0, reached + m.prize[tour[j]], -1)
+            most[j, step:] = np.maximum(most[j, step:], gained)
+    work = np.zeros(KINDS, dtype=np.int64)
+    part = part_within(m.length, m.prize, tour, m.budget, m.budget + 1, least, work)
+    assert _length(m, part) <= m.budget
+    found, best = int(m.prize[part].sum()), int(most[-1].max())
+    assert found == best if not least else 0.8 * best < found <= best
+    assert not least or work[LABEL] == 0
 
 
 def test_a_tour_with_more_nodes_has_them_all_once() -> None:
