@@ -73,7 +73,7 @@ def fly_day(
         terrain = generate_terrain(seed) if folder is None else strewn(load_terrain(folder), seed)
     profile = load_profile("k9")
     with stage("targets, observation points, paths"):
-        mission = bare_day(terrain, seed=seed)
+        mission = bare_day(terrain, profile, seed=seed)
         seen = Operator(terrain, profile, mission).picks()
         # each alone: ground that is rough far off may close the ways of a network over all of it
         reached = [p for p in seen if _prepared(terrain, profile, mission, [p]).problem.targets]

@@ -8,7 +8,7 @@ arm reaches.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -33,6 +33,9 @@ CONTACT_ONLY, BOTH = 3, 4
 """Of ten targets three get a placed instrument, four get both kinds, three a remote image: 14 requests."""
 
 NEAREST_M, FARTHEST_M, APART_M = 3.0, 13.0, 1.8
+ROOM_M, SPACING_M = 0.2, 0.05
+"""Room round the circle in which the rover turns, about what its maps of stereo blur the edge of a rock by,
+and how far apart its ground is looked at: less than half the least rock that it may not climb over."""
 
 
 def demo_mission(terrain: Terrain, profile: RoverProfile, *, seed: int) -> Day:
@@ -44,7 +47,7 @@ def demo_mission(terrain: Terrain, profile: RoverProfile, *, seed: int) -> Day:
         If the terrain has no place for the rover to start, or fewer than ten targets that the arm reaches.
     """
     rng = np.random.default_rng([seed, 1])
-    day = _bare_day(terrain, rng)
+    day = _bare_day(terrain, profile, rng)
     kept_out = [shapely.Polygon(k.polygon_m) for k in day.keep_outs]
     targets: list[Target] = []
     for east, north in _candidates(terrain, day.start, rng):
@@ -65,7 +68,7 @@ def demo_mission(terrain: Terrain, profile: RoverProfile, *, seed: int) -> Day:
     return replace(day, targets=tuple(targets), requests=_requests(targets, profile, rng))
 
 
-def bare_day(terrain: Terrain, *, seed: int) -> Day:
+def bare_day(terrain: Terrain, profile: RoverProfile, *, seed: int) -> Day:
     """Return the demo mission of a seed before anything is asked for: start, keep-outs and limits.
 
     Raises
@@ -73,11 +76,11 @@ def bare_day(terrain: Terrain, *, seed: int) -> Day:
     InvalidInputError
         If the terrain has no place for the rover to start.
     """
-    return _bare_day(terrain, np.random.default_rng([seed, 1]))
+    return _bare_day(terrain, profile, np.random.default_rng([seed, 1]))
 
 
-def _bare_day(terrain: Terrain, rng: np.random.Generator) -> Day:
-    start = _start(terrain, rng)
+def _bare_day(terrain: Terrain, profile: RoverProfile, rng: np.random.Generator) -> Day:
+    start = _start(terrain, profile, rng)
     return Day(
         name=f"{terrain.name} sol 1",
         start=start,
@@ -98,8 +101,38 @@ def target_at(terrain: Terrain, identifier: str, name: str, east_m: float, north
     )
 
 
-def _start(terrain: Terrain, rng: np.random.Generator) -> Pose:
-    """Return a pose near the middle of the terrain on ground flat enough to stand on."""
+def _start(terrain: Terrain, profile: RoverProfile, rng: np.random.Generator) -> Pose:
+    """Return a pose near the middle of the terrain on ground flat enough to stand on and to turn on."""
+    flattest = _flattest(terrain, rng)
+    if flattest is None:
+        raise InvalidInputError(
+            f"terrain {terrain.name}: no place with known heights near its middle to start from"
+        )
+    if _can_turn(terrain, profile, flattest):
+        return flattest
+    # nine points miss a rock between them; where every place has one the flattest stays
+    return _flattest(terrain, rng, lambda pose: _can_turn(terrain, profile, pose)) or flattest
+
+
+def _can_turn(terrain: Terrain, profile: RoverProfile, pose: Pose) -> bool:
+    """Return whether nothing round the rover is higher above its ground than it climbs."""
+    radius = math.hypot(profile.body.length_m, profile.body.width_m) / 2 + ROOM_M
+    line = np.arange(-radius, radius + SPACING_M, SPACING_M)
+    x, y = (part.ravel() for part in np.meshgrid(line, line))
+    inside = np.hypot(x, y) <= radius
+    x, y = x[inside], y[inside]
+    heights = np.asarray(terrain.height(pose.east_m + x, pose.north_m + y))
+    if not np.all(np.isfinite(heights)):
+        return False
+    plane = np.column_stack((x, y, np.ones_like(x)))
+    above = heights - plane @ np.linalg.lstsq(plane, heights, rcond=None)[0]
+    return bool(above.max() <= profile.mobility.max_step_m)
+
+
+def _flattest(
+    terrain: Terrain, rng: np.random.Generator, admitted: Callable[[Pose], bool] = lambda _pose: True
+) -> Pose | None:
+    """Return the flattest of the poses that are drawn and admitted; None where there is none."""
     west, south, east, north = terrain.bounds
     middle = ((west + east) / 2, (south + north) / 2) if not _inside(terrain, 0.0, 0.0) else (0.0, 0.0)
     best: tuple[float, Pose] | None = None
@@ -115,15 +148,10 @@ def _start(terrain: Terrain, rng: np.random.Generator) -> Pose:
             continue
         unevenness = float(np.ptp(heights)) + 0.02 * radius
         if best is None or unevenness < best[0]:
-            best = (
-                unevenness,
-                Pose(round(x, 2), round(y, 2), round(float(rng.uniform(-math.pi, math.pi)), 3)),
-            )
-    if best is None:
-        raise InvalidInputError(
-            f"terrain {terrain.name}: no place with known heights near its middle to start from"
-        )
-    return best[1]
+            pose = Pose(round(x, 2), round(y, 2), round(float(rng.uniform(-math.pi, math.pi)), 3))
+            if admitted(pose):
+                best = unevenness, pose
+    return None if best is None else best[1]
 
 
 def _inside(terrain: Terrain, x: float, y: float) -> bool:

@@ -60,7 +60,7 @@ def asked_day(terrain: Terrain, seed: int, targets: int) -> Day:
         If the site has no place for the rover to start.
     """
     rng = np.random.default_rng([seed, 0xDA7])
-    mission = bare_day(terrain, seed=seed)
+    mission = bare_day(terrain, PROFILE, seed=seed)
     chosen = visible_targets(terrain, PROFILE, mission, targets, seed)
     requests = [
         Request(f"R{t.id.removeprefix('T')}", t.id, CONTACT, float(rng.integers(8, 25)), (Tracked(),))

@@ -76,7 +76,7 @@ def fly_plain_day(
         terrain = ground()
     profile = load_profile("k9")
     with stage("targets, observation points, paths"):
-        mission = bare_day(terrain, seed=seed)
+        mission = bare_day(terrain, profile, seed=seed)
         chosen = visible_targets(terrain, profile, mission, targets, seed)
         requests = tuple(Request(f"R{k + 1}", t.id, "mi", 20.0, (Tracked(),)) for k, t in enumerate(chosen))
         limits = replace(mission.limits, time_s=TIME_S, energy_j=ENERGY_J)

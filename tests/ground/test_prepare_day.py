@@ -5,7 +5,9 @@ from __future__ import annotations
 import dataclasses
 import math
 from functools import cache
+from typing import Any
 
+import numpy as np
 import pytest
 import shapely
 
@@ -19,6 +21,7 @@ from planner.problem import Kind
 from rover_iface.errors import PlacementError
 from rover_iface.profile import RoverProfile, load_profile
 from rover_iface.terrain import Terrain, generate_terrain
+from tests.rover_iface.worlds import bumpy
 from tests.shared import shared
 
 
@@ -69,9 +72,21 @@ def test_demo_targets_lie_outside_the_keep_outs() -> None:
 
 
 def test_a_bare_day_is_the_demo_mission_before_anything_is_asked_for() -> None:
-    bare = bare_day(_terrain(), seed=1)
+    bare = bare_day(_terrain(), _profile(), seed=1)
     assert (bare.targets, bare.requests) == ((), ())
     assert dataclasses.replace(bare, targets=_mission().targets, requests=_mission().requests) == _mission()
+
+
+@pytest.mark.parametrize("everywhere", [False, True])
+def test_the_rover_starts_where_it_can_turn(everywhere: bool) -> None:
+    """On 923451792 it stood between two rocks of 30 cm, and its day ended there: no safe path."""
+
+    def rocks(x: np.ndarray[Any, Any], y: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+        near = (abs(x) < 1.5) & (abs(y) < 1.5) | everywhere
+        return np.where(near & (np.hypot(x % 0.8 - 0.4, y % 0.8 - 0.4) < 0.15), 0.3, 0.0)
+
+    start = bare_day(bumpy(rocks), _profile(), seed=1).start
+    assert (max(abs(start.east_m), abs(start.north_m)) > 1.5) is not everywhere
 
 
 def test_demo_mission_depends_on_its_seed_alone() -> None:
