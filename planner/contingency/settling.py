@@ -93,7 +93,8 @@ class Settler:
             masses = plan.flow.get(row) if row else None
             if not row or not masses or (len(steps) and first == 0 and not owner):
                 continue
-            kept = {s: m for s, m in masses.items() if float(m.sum()) >= FOLLOWED * max(total(masses), 0.01)}
+            least = FOLLOWED * max(total(masses), 0.01)
+            kept = {s: m for s, m in masses.items() if float(m.sum()) >= least}
             if not kept or any(s.place == 0 for s in kept):
                 continue
             self.fitter.iterations += 1
