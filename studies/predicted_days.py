@@ -408,6 +408,8 @@ def recorded(cache: Path, name: str) -> list[dict[str, Any]]:
 def report(cache: Path, targets: int) -> str:
     """Return both tables of a cache with their seeds, as Markdown."""
     days, before = recorded(cache, "days-*"), recorded(cache, "train")
+    if not days:
+        return "No day of the evaluation was flown."
     sources = [CALIBRATIONS.read_file(path).source for path in sorted(cache.glob(f"days-*/{LEARNED}"))]
     about = f"Days of {targets} targets, calibrated from {', then '.join(sources)}; seeds {seeds_of(days)}:"
     parts = [summary(days, about)]

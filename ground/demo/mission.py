@@ -34,8 +34,8 @@ CONTACT_ONLY, BOTH = 3, 4
 
 NEAREST_M, FARTHEST_M, APART_M = 3.0, 13.0, 1.8
 ROOM_M, SPACING_M = 0.2, 0.05
-"""Room round the circle in which the rover turns, about what its maps of stereo blur the edge of a rock by,
-and how far apart its ground is looked at: less than half the least rock that it may not climb over."""
+"""Room round the circle in which the rover turns, by hand, and how far apart the ground there is looked at: a
+third of the step that the rover climbs."""
 
 
 def demo_mission(terrain: Terrain, profile: RoverProfile, *, seed: int) -> Day:

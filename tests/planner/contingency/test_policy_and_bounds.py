@@ -209,7 +209,7 @@ def test_a_large_problem_is_reduced_to_its_promising_targets() -> None:
 
 
 def test_what_the_finest_table_leaves_is_for_the_other() -> None:
-    """Where drives hardly scatter both tables fit, and the one that rounds down is closer on its finest grid."""
+    """Where drives hardly scatter both tables fit; the one that rounds down is closer on its finest grid."""
     problem = load_problem("examples/first_plan/three-rocks.json")
     steady = []
     for leg in problem.legs:
