@@ -2,13 +2,32 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import pytest
 
 from executive.crl import canonical_text, check
+from executive.crl.reader import parse
+from executive.crl.validate import Report
 from executive.ports import Operation, Operator
+from executive.runtime import loading
+from tests.executive import model
 from tests.executive.replaced_runs import HORIZON_MS, check_case, check_seed, difference
 from tests.executive.replacements import OPTION_EDITS
 from tests.executive.worlds import Case
+
+
+@pytest.fixture(autouse=True)
+def each_text_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Session, replay and model get one report of a text, a value: reading took half of a run."""
+
+    @lru_cache(maxsize=16)
+    def report(text: str) -> Report:
+        return check(text)
+
+    for module in (loading, model):
+        monkeypatch.setattr(module, "check", lambda text, **_: report(text))
+    monkeypatch.setattr(loading, "parse", lru_cache(maxsize=16)(parse))
 
 
 def test_random_replacements_keep_the_rules_and_agree_with_the_model() -> None:
