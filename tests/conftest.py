@@ -66,6 +66,19 @@ def pytest_runtest_logfinish() -> None:
     LEAVINGS.clear()
 
 
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
+    """Close the browser that tests share after the last of them."""
+    if in_browser(item) and not (nextitem and in_browser(nextitem)):
+        from tests.web.page import close_chromium
+
+        close_chromium()
+
+
+def in_browser(item: pytest.Item) -> bool:
+    """Return whether a test drives a browser."""
+    return item.get_closest_marker("browser") is not None
+
+
 def shared_by(item: pytest.Function) -> str:
     """Return the group of a test, empty where it shares nothing."""
     used = set(item.fixturenames)

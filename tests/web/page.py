@@ -5,7 +5,8 @@ from __future__ import annotations
 import io
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -19,17 +20,40 @@ WAIT_MS = int(os.environ.get("OUTCROP_BROWSER_WAIT_MS", "180000"))
 """For whatever a page is to show: no test is judged by its time, and a crowded machine takes a minute."""
 
 
+KEPT = ExitStack()
+"""What closes the browser that is kept, and its Playwright."""
+
+
+@cache
+def kept_chromium() -> Browser:
+    """Return a browser that stays until `close_chromium`: to start one takes a second of a core."""
+    playwright = KEPT.enter_context(sync_playwright())
+    return KEPT.enter_context(playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS))
+
+
+def close_chromium() -> None:
+    """Close the browser; the event loop of its Playwright goes with it, beside which no other may run."""
+    kept_chromium.cache_clear()
+    KEPT.close()
+
+
 @contextmanager
 def chromium() -> Iterator[Browser]:
-    """Give Debian's chromium, or skip with the reason."""
+    """Give Debian's chromium, or skip with the reason; its pages are closed afterwards.
+
+    Tests share no more than the process: cookies, stores and caches are those of a context.
+    """
     if not CHROMIUM.exists():
         pytest.skip(f"{CHROMIUM} is missing: apt-get install chromium (or set OUTCROP_CHROMIUM)")
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        try:
-            yield browser
-        finally:
-            browser.close()
+    browser = kept_chromium()
+    try:
+        yield browser
+    finally:
+        if browser.is_connected():
+            for context in browser.contexts:
+                context.close()
+        else:
+            close_chromium()  # it crashed: the next test has a new one
 
 
 @contextmanager

@@ -5,23 +5,31 @@ from __future__ import annotations
 import re
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
 
 from tests.web.conftest import Server
+from tests.web.missions import make_plan
 from tests.web.page import chromium, open_demo, open_page, shot
 from tests.web.review_steps import become
-from tests.web.test_day_in_the_browser import make_plan
 from tests.web.test_traverse import axe
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser")]
 
 
+def open_planned(page: Page, server: Server) -> None:
+    """Open a plan of the demo; how a plan is ordered on the page is not what these tests are about."""
+    open_demo(page)
+    mission = page.url.partition("#/m/")[2].partition("?")[0]
+    plan = make_plan(server, mission)
+    page.goto("about:blank")
+    page.goto(f"{server.address}/?webgl=off#/m/{mission}?plan={plan}")
+
+
 def test_a_live_run_is_held_disturbed_and_stopped_on_the_page(server: Server) -> None:
     with chromium() as browser, open_page(browser, server, "?webgl=off") as page:
-        open_demo(page)
+        open_planned(page, server)
         stop = page.get_by_test_id("live-stop")
         expect(stop).to_have_count(0)
-        make_plan(page)
         page.get_by_role("tab", name="Run").click()
         page.get_by_test_id("live").check()
         page.get_by_test_id("rate").select_option("1")
@@ -62,8 +70,7 @@ def test_a_live_run_is_held_disturbed_and_stopped_on_the_page(server: Server) ->
 
 def test_stop_is_one_click_for_an_operator_and_none_for_a_scientist(server: Server) -> None:
     with chromium() as browser, open_page(browser, server, "?webgl=off") as page:
-        open_demo(page)
-        make_plan(page)
+        open_planned(page, server)
         page.get_by_role("tab", name="Run").click()
         page.get_by_test_id("live").check()
         page.get_by_test_id("start-run").click()
