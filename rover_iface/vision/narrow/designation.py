@@ -28,8 +28,11 @@ stereo, by which what is in front seems wider; and how densely places are tried.
 EDGE_M, MAP_M = 0.15, 0.10
 """By how much ranges there may differ: 2 cm of ground seen at 8 degrees are 15 cm deep; how far off the map
 may have the surface besides."""
-LEAST_RANGED = 0.5
-"""Share of the pixels there that must be ranged: shade and smooth sand leave holes."""
+LEAST_RANGED, HALVES = 0.5, 8
+"""Share of the pixels there that must be ranged in each half of what lies round a place, and how many such
+halves are asked: shade and smooth sand leave holes anywhere, a crest leaves all of one side, as what lies
+behind it is too far to be looked for. Of 33 starts on eleven looked-at days two, both of 681678, had a third
+and an eighth of a half: one was placed on 3.3 cm off, one was lost. The others had 0.71 and more."""
 
 
 def off_the_edge(
@@ -91,10 +94,13 @@ class _Ranged:
     def edge_m(self, at: Array) -> float:
         """Return how far ranges near a place (2,), px, differ from each other or from the surface meant.
 
-        In metres, the latter beyond the error of the map; infinite where too little is ranged.
+        In metres, the latter beyond the error of the map; infinite where too little is ranged on any side.
         """
-        here = self.away[np.hypot(*(self.off - at).T) < EDGE_PX]
-        if len(here) < LEAST_RANGED * math.pi * EDGE_PX**2:
+        off = self.off - at
+        near = np.hypot(*off.T) < EDGE_PX
+        here, turns = self.away[near], np.arange(HALVES) * math.tau / HALVES
+        in_half = np.count_nonzero(off[near] @ np.array((np.cos(turns), np.sin(turns))) >= 0.0, axis=0)
+        if in_half.min() < LEAST_RANGED * math.pi / 2.0 * EDGE_PX**2:
             return math.inf
         return max(float(np.ptp(here)), abs(float(np.median(here)) - self.meant_m) - MAP_M)
 

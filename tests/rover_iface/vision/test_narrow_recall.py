@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -18,7 +19,7 @@ from rover_iface.frames import Transform
 from rover_iface.vision.correlation import ncc
 from rover_iface.vision.correlation.ncc import FOUND_AGAIN, NccTracker
 from rover_iface.vision.narrow import recall
-from rover_iface.vision.narrow.designation import off_the_edge
+from rover_iface.vision.narrow.designation import EDGE_PX, _Ranged, off_the_edge
 from rover_iface.vision.narrow.recall import LOST_UPDATES, REFUSED, NarrowRecall
 from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
 from tests.rover_iface.vision.test_narrow_range import DRIFT, face, frames, view
@@ -441,3 +442,19 @@ def test_a_track_that_failed_goes_on_from_another_look() -> None:
     poor = replace(near, right=(near.right + noise).astype(near.right.dtype))
     assert tracker.put("A", poor, there, drift, away)
     assert not tracker.put("A", poor, there, drift, 1.2 * away)
+
+
+def test_a_place_where_the_surface_ends_is_at_an_edge_and_one_with_holes_is_not() -> None:
+    """Behind a crest nothing is ranged, and what is before it is one surface: a tool was put 3.3 cm off."""
+    rows, columns = np.mgrid[-30:31, -30:31]
+    off = np.stack((columns.ravel(), rows.ravel()), axis=1).astype(float)
+
+    def edge_m(ranged: np.ndarray) -> float:
+        return _Ranged(off[ranged], np.full(int(ranged.sum()), 8.0), 8.0).edge_m(np.zeros(2))
+
+    assert edge_m(np.ones(len(off), dtype=bool)) == 0.0
+    for way in np.radians(np.arange(0.0, 360.0, 30.0)):
+        before_crest = off @ np.array((math.cos(way), math.sin(way))) <= 2.0
+        assert np.mean(before_crest[np.hypot(*off.T) < EDGE_PX]) > 0.55
+        assert edge_m(before_crest) == math.inf
+    assert edge_m(np.random.default_rng(4).random(len(off)) < 0.7) == 0.0
