@@ -69,6 +69,9 @@ KNOWN_SHARE, KNOWN_SCORE = 0.03, 0.5
 that is enough there, as no other range can be mistaken for it: one that 139 patches had to 0.8 cm was lost at
 its goal for its score (749793022)."""
 
+CONTRADICTS = 3.0
+"""Deviations of both by which a window's range contradicts a known one."""
+
 
 class NccTracker:
     """Normalised cross-correlation with templates predicted from the pose estimate (a `Tracker`).
@@ -252,7 +255,9 @@ class NccTracker:
         pixel = np.asarray(view.left_camera.project(position))
         away = float(np.linalg.norm(position - view.left_camera.C))
         drift = covariance, np.zeros((3, 2))
-        return self.last(target) if self.put(target, view, pixel, drift, away) else None
+        ray = (position - view.left_camera.C) / away
+        known = self._weighed(view, pixel, KnownRange(away, math.sqrt(float(ray @ covariance @ ray))))
+        return self.last(target) if self.put(target, view, pixel, drift, away, known=known) else None
 
     def update(self, target: str, view: StereoView) -> TrackUpdate:
         """Find the target again after a move; see the module for the steps."""
@@ -636,6 +641,20 @@ class NccTracker:
             expected_range_m=distance,
             range_spread=spread,
         )
+
+    def _weighed(self, view: StereoView, at: Array, known: KnownRange) -> KnownRange:
+        """Return the range of a left pixel (2,) by what is `known` and by a window of this view, each by its
+        variance; the known one where the window contradicts it, as it may hold what lies behind an edge.
+        """
+        match = self._stereo(view, at, known.range_m, spread=0.35)
+        if match is None:
+            return known
+        ranged_m, known_m2 = float(np.linalg.norm(match.point - view.left_camera.C)), known.sigma_m**2
+        window_m2 = depth_m2(match) + self._bulge_m2(view, ranged_m)
+        if (ranged_m - known.range_m) ** 2 > CONTRADICTS**2 * (window_m2 + known_m2):
+            return known
+        share = known_m2 / (window_m2 + known_m2)
+        return KnownRange(known.range_m + share * (ranged_m - known.range_m), math.sqrt(share * window_m2))
 
     def _blend_normal(self, track: Followed, match: PointMatch, range_m: float) -> Array:
         """Return the plane's normal: stereo slant is good to the fourth power of nearness, so weigh by it."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -106,9 +107,8 @@ def test_a_pair_that_knows_the_target_too_poorly_for_a_tool_is_not_the_last_one_
     assert np.sqrt(np.linalg.eigvalsh(found.covariance)[-1]) < 0.006
 
 
-def test_a_window_that_holds_what_lies_behind_an_edge_ranges_no_target_that_pictures_have(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def farther(by_m: float) -> Callable[..., PointMatch | None]:
+    """Return a stereo of windows that ranges all so much too far."""
     ranged = ncc.point_stereo
 
     def behind(*given: Any, **options: Any) -> PointMatch | None:
@@ -116,10 +116,33 @@ def test_a_window_that_holds_what_lies_behind_an_edge_ranges_no_target_that_pict
         if match is None:
             return None
         ray = match.point - camera.C
-        return replace(match, point=match.point + 0.07 * ray / np.linalg.norm(ray))
+        return replace(match, point=match.point + by_m * ray / np.linalg.norm(ray))
 
+    return behind
+
+
+@pytest.mark.parametrize(("window_m", "told_m", "kept"), [(0.07, 0.005, True), (0.0, 0.01, False)])
+def test_what_is_taken_back_has_the_range_that_is_known_best(
+    window_m: float, told_m: float, kept: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """That of the surroundings where the window holds what lies behind; else both, the window being finer."""
     tracker, point = begun()
-    monkeypatch.setattr(ncc, "point_stereo", behind)
+    near, true = view("navcam", NEAR_X, DRIFT), DRIFT.apply(point)
+    tracker.narrow = tracker.wide = None
+    tracker.update("A", blank(near))
+    ray = (true - near.left_camera.C) / np.linalg.norm(true - near.left_camera.C)
+    monkeypatch.setattr(ncc, "point_stereo", farther(window_m))
+    place = true if kept else true + 0.0103 * ray
+    taken = tracker.take_back("A", near, place, told_m**2 * np.eye(3))
+    assert taken is not None
+    assert abs(float((taken.position - true) @ ray)) < 0.005
+
+
+def test_a_window_that_holds_what_lies_behind_an_edge_ranges_no_target_that_pictures_have(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    tracker, point = begun()
+    monkeypatch.setattr(ncc, "point_stereo", farther(0.07))
     found = tracker.update("A", blank(view("navcam", NEAR_X, DRIFT)))
     off = found.position - DRIFT.apply(point)
     assert np.linalg.norm(off) < 0.01
