@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -20,7 +19,6 @@ from rover_iface.frames import Transform
 from rover_iface.vision.correlation import ncc
 from rover_iface.vision.correlation.ncc import FOUND_AGAIN, NccTracker
 from rover_iface.vision.narrow import recall
-from rover_iface.vision.narrow.designation import EDGE_PX, _Ranged, off_the_edge
 from rover_iface.vision.narrow.recall import LOST_UPDATES, REFUSED, NarrowRecall
 from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
 from tests.rover_iface.vision.test_narrow_range import DRIFT, face, frames, view
@@ -403,37 +401,6 @@ def test_a_picture_of_something_else_corrects_nothing() -> None:
     assert plain.update("A", blank(near)).state is TrackState.LOST
 
 
-def edge_pixel() -> Array:
-    """Return the last pixel beside the rock in a row: what it shows lies metres behind the next one."""
-    row = frames("navcam")[0].truth.range_m[134]
-    return np.array([np.flatnonzero(row[:150] > 12.0)[-1], 134.0])
-
-
-def test_a_target_at_an_edge_is_moved_onto_the_surface_that_is_meant() -> None:
-    pixel = edge_pixel()
-    away = float(frames("navcam")[0].truth.range_m[int(pixel[1]), int(pixel[0]) + 4])
-    moved, sight = off_the_edge("A", view("navcam"), pixel, view("pancam"), away)
-    assert sight is not None
-    assert 0.5 < float(np.hypot(*(moved - pixel))) <= 12.0
-    x, y = (round(float(v)) for v in moved)
-    truth = frames("navcam")[0].truth.range_m
-    assert np.ptp(truth[y - 1 : y + 2, x - 1 : x + 2]) < 0.15
-    assert abs(float(truth[y, x]) - sight.known.range_m) < 0.05
-
-
-def test_a_target_on_one_surface_stays_where_it_was_designated() -> None:
-    for pixel, true in face()[::4]:
-        moved, sight = off_the_edge("A", view("navcam"), pixel, view("pancam"), true)
-        assert moved == pytest.approx(pixel)
-        assert sight is not None
-
-
-def test_a_target_whose_surface_is_not_there_is_refused_with_the_reason() -> None:
-    pixel, true = face()[0]
-    with pytest.raises(TrackerError, match='target "A" lies at an edge'):
-        off_the_edge("A", view("navcam"), pixel, view("pancam"), true + 0.6)
-
-
 def test_a_range_that_is_known_better_is_the_range_of_the_track() -> None:
     from rover_iface.vision.narrow_range import KnownRange
 
@@ -465,19 +432,3 @@ def test_a_track_that_failed_goes_on_from_another_look() -> None:
     poor = replace(near, right=(near.right + noise).astype(near.right.dtype))
     assert tracker.put("A", poor, there, drift, away)
     assert not tracker.put("A", poor, there, drift, 1.2 * away)
-
-
-def test_a_place_where_the_surface_ends_is_at_an_edge_and_one_with_holes_is_not() -> None:
-    """Behind a crest nothing is ranged, and what is before it is one surface: a tool was put 3.3 cm off."""
-    rows, columns = np.mgrid[-30:31, -30:31]
-    off = np.stack((columns.ravel(), rows.ravel()), axis=1).astype(float)
-
-    def edge_m(ranged: np.ndarray) -> float:
-        return _Ranged(off[ranged], np.full(int(ranged.sum()), 8.0), 8.0).edge_m(np.zeros(2))
-
-    assert edge_m(np.ones(len(off), dtype=bool)) == 0.0
-    for way in np.radians(np.arange(0.0, 360.0, 30.0)):
-        before_crest = off @ np.array((math.cos(way), math.sin(way))) <= 2.0
-        assert np.mean(before_crest[np.hypot(*off.T) < EDGE_PX]) > 0.55
-        assert edge_m(before_crest) == math.inf
-    assert edge_m(np.random.default_rng(4).random(len(off)) < 0.7) == 0.0
