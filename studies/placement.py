@@ -72,8 +72,8 @@ STAND_SEED = 1 << 43
 EVALUATION = 48_573
 """Seeds from here on were not looked at; limits were set on 5,000 to 25,999 and 29,000 to 29,742, those of
 the narrow look on 16,000 to 16,112. Reported were 41,000 to 45,257, 48,000 to 48,425
-and 48,566 to 48,572; what failed there was looked at but for 48,000 to 48,157, and at 46,000 to 46,024. Nobody
-looked at 48,426 to 48,565 either."""
+and 48,566 to 48,572; what failed there was looked at but for 48,000 to 48,157, and at 46,000 to 46,024.
+Nobody looked at 48,426 to 48,565 either."""
 
 MAST_SEED = 1 << 40
 """Added to a rock's seed for the noise of the mast's pictures."""

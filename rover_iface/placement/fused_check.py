@@ -53,7 +53,7 @@ class FusedOptions:
         over the edge behind which it sees nothing: on rock 44032 the narrow pair and the navcams had it under
         the whole tool, 5 cm beside the designated point, and the rim hung over the edge. The hole beyond was
         21 mm wide; at 11 other accepted places of 44001 to 44022 it was 12 at most. So beside the designated
-        point `most_hole_m` is the limit. Within 24 mm of the points of 18 rocks (48176 to 48314) 11 of 309
+        point `most_hole_m` is the limit. Within 24 mm of the points of 18 rocks (48225 to 48315) 11 of 309
         places, on four of them, had 20 to 30 mm and kept all other limits; with the arm 2 mm off in any
         direction none of the 11 was unsafe.
     bridged_m, bridged_relief_m, bridged_gap_rad
