@@ -55,7 +55,7 @@ class PlannerOptions:
     hasty_bound_s: Positive = 0.06
     """Processor seconds for an upper bound that somebody waits for. By hand."""
 
-    search_s: Positive = 6.5
+    search_s: Positive = 4.5
     """Processor seconds for the search with up to 8 targets and 6 branches. By hand, see `bound_s`; the first
     passes of the search take a quarter of it (`growing.PASSES`)."""
 

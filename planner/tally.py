@@ -21,15 +21,27 @@ class Step(StrEnum):
     """Kinds of steps; one of each takes `SECONDS` of a processor."""
 
     NODE = "node"
-    """A multiplication and addition on a grid in double precision."""
+    """A multiplication and addition of chains and of policies along an order, in double precision."""
+    PRODUCT = "product"
+    """The same in the kernel of an action on a grid."""
     CELL = "cell"
     """The same in single precision: tables of the optimal policy and of the bound."""
+    PASS = "pass"
+    """One node of a grid read and written once, node by node."""
     ELEMENT = "element"
-    """One node of a grid or table touched for one action, beside its multiplications."""
+    """One node of a fine or sampled function worked out."""
+    ACT = "act"
+    """One action on a grid, beside its products and passes."""
+    WAY = "way"
+    """One way in which a drive of a plan may end, in one state of the rover."""
+    ROW = "row"
+    """One row of a plan compiled, or valued in one state."""
     CALL = "call"
-    """One action on a grid, with the search around it."""
+    """Some 100 small operations of the interpreter: of linear programs, walks and futures."""
     DRIVE = "drive"
-    """One drive of a table."""
+    """The drives of a table to one place, from wherever they begin."""
+    LOST = "lost"
+    """One way in which drives of a table may end: the tracks that they lose."""
     SET = "set"
     """One live set found."""
     COUNTED = "counted"
@@ -56,10 +68,16 @@ class Step(StrEnum):
 
 SECONDS: dict[Step, float] = {
     Step.NODE: 1.6e-10,
-    Step.CELL: 2.5e-11,
+    Step.PRODUCT: 6.0e-11,
+    Step.CELL: 2.6e-11,
+    Step.PASS: 7.0e-10,
     Step.ELEMENT: 6.0e-9,
+    Step.ACT: 7.0e-6,
+    Step.WAY: 2.9e-6,
+    Step.ROW: 3.0e-6,
     Step.CALL: 5.5e-5,
     Step.DRIVE: 3.0e-5,
+    Step.LOST: 1.9e-6,
     Step.SET: 3.0e-5,
     Step.COUNTED: 5.0e-7,
     Step.LABEL: 1.0e-5,
@@ -72,7 +90,8 @@ SECONDS: dict[Step, float] = {
     Step.HANDED: 1.5e-6,
     Step.ARC: 1.8e-8,
 }
-"""Fitted by hand to processor seconds of 20 days of 4 to 9 targets (seeds 5 and 11) and of single kernels."""
+"""Fitted by hand to processor seconds of 20 days of 4 to 9 targets (seeds 5 and 11) and of single kernels;
+those of grids and plans to seconds by function on days of 8 targets with and without drives that fail (7)."""
 
 
 POLL_S = 0.02

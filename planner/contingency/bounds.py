@@ -13,9 +13,9 @@ from scipy import sparse
 
 from planner.contingency.flow_bound import flow_bound
 from planner.contingency.linear_program import solved
-from planner.contingency.policy import LiveSets, Moves, Policy, TooLargeError
+from planner.contingency.policy import Live, LiveSets, Moves, Policy, TooLargeError
 from planner.contingency.priced_bound import priced_bound
-from planner.evaluate.grid import Grid, Rounding, probability_below
+from planner.evaluate.grid import PASSES, Grid, Rounding, probability_below
 from planner.evaluate.majorant import Majorant
 from planner.evaluate.model import Model
 from planner.tally import SECONDS, Step, now_s
@@ -64,6 +64,10 @@ MARGIN = 2e-5
 
 SUMMED = 1e-12
 """Relative allowance for the rounding of chances that sum to 1."""
+
+AGAIN_FROM, AGAIN_TO = 1.5, 2.0
+"""How often a table looks at drives, and at places that they lead to, as values rise again. Counted on tables
+of 4 and 6 targets."""
 
 LATE = 2.0
 """A table that takes so much longer than reckoned (many ways back) is given up for the next coarser one."""
@@ -137,11 +141,8 @@ def upper_bound(
         every = sets.all_from(start)
     except TooLargeError:
         return relaxed()
-    drives = 0
-    for live in every:
-        here = sum(1 for p in range(1, model.n + 1) if int(model.target_bits[p]) & live.bits)
-        drives += (4 * here + model.n) * model.n // 4  # those that win nothing are looked at once
-    down, above = _rounded_down(model, drives), _above(model, drives)
+    drives = drives_of(model, every)
+    down, above = rounded_down(model, drives), tables_above(model, drives)
     close = limit_s >= CLOSE_FROM_S
     spreads_s = model.leg[model.has_leg][:, 1]
     scattered = 2 * np.count_nonzero(spreads_s >= SCATTER * model.t_max_s) > len(spreads_s)
@@ -167,7 +168,7 @@ def _told_the_kind(model: Model, limit_s: float) -> Bound:
 
 
 @dataclass(frozen=True, slots=True)
-class _Tables:
+class Tables:
     """Kinds of one table from the finest to the coarsest: nodes, what it takes, s, and its grid."""
 
     method: str
@@ -180,26 +181,65 @@ class _Tables:
         return 0.0 if found is None or found.nodes is None else self.seconds(*found.nodes)
 
 
-def _rounded_down(model: Model, drives: int) -> _Tables:
-    def seconds(nt: int, ng: int) -> float:
-        each = nt * ng * ((nt + ng) * SECONDS[Step.CELL] + SECONDS[Step.ELEMENT])
-        return drives * (each + SECONDS[Step.DRIVE])
+@dataclass(frozen=True, slots=True)
+class Drives:
+    """Work of a table: drives, their groups to one place, ways in which groups end, and such ways of drives
+    that fail; all about.
+    """
 
-    return _Tables(BY_TABLE, GRIDS[::-1], seconds, partial(_grid_down, model))
+    single: float
+    groups: float
+    lost: float
+    failed: float
+
+    def seconds(self, cells: int, drive_s: float) -> float:
+        """Return what they take on a grid of so many nodes, where one drive alone takes `drive_s`."""
+        passes = (self.lost + self.failed) * cells * SECONDS[Step.PASS]
+        python = self.groups * SECONDS[Step.DRIVE] + self.lost * SECONDS[Step.LOST]
+        return self.single * drive_s + passes + python
+
+
+def drives_of(model: Model, every: list[Live]) -> Drives:
+    """Return the work of a table of `Moves.ALL` on these live sets."""
+    single = groups = lost = failed = 0.0
+    fails = bool(model.fail[model.has_leg].any())
+    for live in every:
+        here = sum(1 for p in range(1, model.n + 1) if int(model.target_bits[p]) & live.bits)
+        tracks = sum(1 for p in range(1, model.n + 1) if int(model.place_bits[p]) & live.bits)
+        asked = here + model.n / 4.0  # places whose value rose; those that win nothing are looked at once
+        drives = AGAIN_FROM * asked * model.n
+        single += drives
+        groups += AGAIN_TO * asked
+        lost += AGAIN_TO * asked * 2.0**tracks
+        failed += drives * 2.0 ** max(0, tracks - 1) if fails else 0.0
+    return Drives(single, groups, lost, failed)
+
+
+def rounded_down(model: Model, drives: Drives) -> Tables:
+    """Return the tables of values with consumption rounded down."""
+
+    def seconds(nt: int, ng: int) -> float:
+        each = nt * ng * ((nt + ng) * SECONDS[Step.CELL] + PASSES * SECONDS[Step.PASS])
+        return drives.seconds(nt * ng, each)
+
+    return Tables(BY_TABLE, GRIDS[::-1], seconds, partial(_grid_down, model))
 
 
 def _grid_down(model: Model, nt: int, ng: int) -> Grid:
     return Grid(model, nt, ng, Rounding.DOWN, np.float32)
 
 
-def _above(model: Model, drives: int) -> _Tables:
+def tables_above(model: Model, drives: Drives) -> Tables:
+    """Return the tables of functions above the value."""
+
     def seconds(nt: int, ng: int) -> float:
-        return Majorant(model, nt, ng).reckoned_s(drives)
+        grid = Majorant(model, nt, ng)
+        return drives.seconds(nt * ng, grid.drive_s) + grid.once_s()
 
-    return _Tables(ABOVE, CLOSE_GRIDS[::-1], seconds, partial(Majorant, model))
+    return Tables(ABOVE, CLOSE_GRIDS[::-1], seconds, partial(Majorant, model))
 
 
-def _by_table(kind: _Tables, live_sets: int, limit_s: float) -> Bound | None:
+def _by_table(kind: Tables, live_sets: int, limit_s: float) -> Bound | None:
     """Return the bound of the finest table that the limit allows; None where there is none."""
     for nt, ng in kind.sizes:
         grid = kind.grid(nt, ng)

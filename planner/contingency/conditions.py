@@ -8,6 +8,7 @@ two-sided, and then moved to where the two values cross between nodes.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations
 from typing import Any
 
@@ -17,6 +18,11 @@ from planner.evaluate.grid import Grid
 from planner.evaluate.model import Floats, Model
 from planner.evaluate.propagate import State
 from planner.plan_tree import Comparison, Condition, EnergyCondition, TimeCondition, TrackedCondition
+from planner.tally import Step, spend
+
+SUMMED, SPANNED = 12, 25
+"""Passes over the nodes of all states, and rows of a plan for each set of them, that a search for a condition
+takes (`Step`). By hand."""
 
 Gains = dict[State, Any]
 """Per state, mass times (value of the other plan - value of going on) over the grid."""
@@ -83,11 +89,64 @@ class Bins:
         self.energy_count = count
 
     def by_time(self, values: Any) -> Floats:
-        return np.asarray(values.sum(axis=1), np.float64)
+        """Return sums over energy of n arrays over the grid, (n, nt, ng) to (n, nt)."""
+        return np.asarray(values.sum(axis=2), np.float64)
 
     def by_energy(self, values: Any) -> Floats:
-        flat = np.asarray(values, np.float64).ravel()
-        return np.bincount(self.energy_bin.ravel(), flat, self.energy_count).astype(np.float64)
+        """Return sums of n arrays over the grid in each bin of energy, (n, nt, ng) to (n, bins)."""
+        n, count = len(values), self.energy_count
+        bins = np.arange(n)[:, None] * count + self.energy_bin.ravel()
+        sums = np.bincount(bins.ravel(), np.asarray(values, np.float64).ravel(), n * count)
+        return np.asarray(sums.reshape(n, count), np.float64)
+
+
+class _Sums:
+    """Gains and masses of n states, (n, nt, ng) each, summed in the bins of time and energy.
+
+    Sums over states are then sums of short rows; masses are summed when a condition is found.
+    """
+
+    def __init__(self, bins: Bins, gains: Any, masses: list[Any]) -> None:
+        self.bins, self.gains, self._masses = bins, gains, masses
+        self._kinds: tuple[tuple[type[TimeCondition] | type[EnergyCondition], Any, Floats], ...] = (
+            (TimeCondition, bins.by_time, bins.time_edges),
+            (EnergyCondition, bins.by_energy, bins.energy_edges),
+        )
+        self._gained = [project(gains) for _, project, _ in self._kinds]
+
+    @cached_property
+    def masses(self) -> Any:
+        return np.array(self._masses)
+
+    @cached_property
+    def _met(self) -> list[Floats]:
+        return [project(self.masses) for _, project, _ in self._kinds]
+
+    def best(self, states: list[int]) -> Choice:
+        """Return the best condition on time or energy for gains summed over some of the states."""
+        whole = float(self._gained[0][states].sum())
+        best = Choice(whole, ()) if whole > 0.0 else Choice(0.0, ())
+        for k, (kind, _, edges) in enumerate(self._kinds):
+            sums = self._gained[k][states].sum(axis=0)
+            span = _best_span(sums, two_sided=True)
+            if span.gain > best.gain * 1.005 + 1e-9:
+                weights = self._met[k][states].sum(axis=0)
+                best = Choice(span.gain, _span_conditions(span, edges, sums, weights, kind))
+        return best
+
+    def refined(self, states: list[int], best: Choice) -> Choice:
+        """Return a condition on time or energy with one on the other resource where that wins more."""
+        on_time = any(isinstance(c, TimeCondition) for c in best.when)
+        if on_time == any(isinstance(c, EnergyCondition) for c in best.when):
+            return best
+        mask = _mask(self.bins.grid, best.when)
+        kind, project, edges = self._kinds[1 if on_time else 0]
+        sums = project((self.gains[states].sum(axis=0) * mask)[None])[0]
+        span = _best_span(sums, two_sided=False)
+        if span.gain <= best.gain * 1.03:
+            return best
+        weights = project((self.masses[states].sum(axis=0) * mask)[None])[0]
+        return Choice(span.gain, (*best.when, *_span_conditions(span, edges, sums, weights, kind)))
 
 
 def _span_conditions(
@@ -105,21 +164,6 @@ def _span_conditions(
     return tuple(found)
 
 
-def _on_resources(bins: Bins, gains: Any, masses: Any) -> Choice:
-    """Return the best condition on time or energy for gains summed over states."""
-    whole = float(gains.sum())
-    best = Choice(whole, ()) if whole > 0.0 else Choice(0.0, ())
-    for kind, project, edges in (
-        (TimeCondition, bins.by_time, bins.time_edges),
-        (EnergyCondition, bins.by_energy, bins.energy_edges),
-    ):
-        sums, weights = project(gains), project(masses)
-        span = _best_span(sums, two_sided=True)
-        if span.gain > best.gain * 1.005 + 1e-9:
-            best = Choice(span.gain, _span_conditions(span, edges, sums, weights, kind))
-    return best
-
-
 def _mask(grid: Grid, when: tuple[Condition, ...]) -> Any:
     mask: Any = np.ones(grid.shape)
     for condition in when:
@@ -135,48 +179,35 @@ def _mask(grid: Grid, when: tuple[Condition, ...]) -> Any:
 
 def best_condition(model: Model, bins: Bins, gains: Gains, masses: dict[State, Any]) -> Choice:
     """Return the conjunction of at most two tests on tracks and a range of time, of energy, or of both."""
-    grid = bins.grid
-    tracked_somewhere = [
-        p for p in range(1, model.n + 1) if 0 < sum((s.tracked >> p) & 1 for s in gains) < len(gains)
-    ]
-    literals = [(p, truth) for p in tracked_somewhere for truth in (False, True)]
+    if not gains:
+        return Choice(0.0, ())
+    stacked = np.array(list(gains.values()))
+    spend(Step.PASS, SUMMED * stacked.size)
+    sums = _Sums(bins, stacked, [masses[s] for s in gains])
+    positive = np.maximum(stacked, 0.0).sum(axis=(1, 2))
+    tracked = np.array([[(s.tracked >> p) & 1 for s in gains] for p in range(model.n + 1)], np.bool_)
+    tested = [p for p in range(1, model.n + 1) if tracked[p].any() and not tracked[p].all()]
+    literals = [(p, truth) for p in tested for truth in (False, True)]
     groups: list[tuple[tuple[int, bool], ...]] = [(), *((one,) for one in literals)]
     groups += [pair for pair in combinations(literals, 2) if pair[0][0] != pair[1][0]]
-    singles: dict[tuple[tuple[int, bool], ...], float] = {}
-    zero = np.zeros(grid.shape)
+    singles: dict[tuple[tuple[int, bool], ...], int] = {}
     best = Choice(0.0, ())
-    best_sums: tuple[Any, Any] | None = None
-    positive = {s: float(np.maximum(g, 0.0).sum()) for s, g in gains.items()}
+    chosen: list[int] = []
     for group in groups:
-        matching = [s for s in gains if all(bool((s.tracked >> p) & 1) is truth for p, truth in group)]
-        if not matching or sum(positive[s] for s in matching) <= best.gain:
+        within = np.ones(len(stacked), np.bool_)
+        for p, truth in group:
+            within &= tracked[p] == truth
+        if float(positive[within].sum()) <= best.gain:
             continue
-        if len(group) == 2 and len(matching) in (
-            singles.get((group[0],), -1.0),
-            singles.get((group[1],), -1.0),
-        ):
+        count = int(within.sum())
+        if len(group) == 2 and count in (singles.get((group[0],)), singles.get((group[1],))):
             continue
-        singles[group] = len(matching)
-        gain = sum((gains[s] for s in matching), zero)
-        mass = sum((masses[s] for s in matching), zero)
-        choice = _on_resources(bins, gain, mass)
+        singles[group] = count
+        matching = np.flatnonzero(within).tolist()
+        spend(Step.ROW, SPANNED)
+        choice = sums.best(matching)
         if choice.gain > best.gain * (1.002 if group else 1.0) + 1e-9:
             tests = tuple(TrackedCondition(model.target_ids[p - 1], truth) for p, truth in group)
             best = Choice(choice.gain, (*tests, *choice.when))
-            best_sums = gain, mass
-    if best_sums is not None and best.gain > 0.0:
-        on_time = any(isinstance(c, TimeCondition) for c in best.when)
-        on_energy = any(isinstance(c, EnergyCondition) for c in best.when)
-        if on_time != on_energy:
-            mask = _mask(grid, best.when)
-            kind, project, edges = (
-                (EnergyCondition, bins.by_energy, bins.energy_edges)
-                if on_time
-                else (TimeCondition, bins.by_time, bins.time_edges)
-            )
-            sums, weights = project(best_sums[0] * mask), project(best_sums[1] * mask)
-            span = _best_span(sums, two_sided=False)
-            if span.gain > best.gain * 1.03:
-                more = _span_conditions(span, edges, sums, weights, kind)
-                best = Choice(span.gain, (*best.when, *more))
-    return best
+            chosen = matching
+    return sums.refined(chosen, best) if best.gain > 0.0 else best

@@ -21,6 +21,11 @@ from planner.evaluate.program import compile_plan
 from planner.evaluate.propagate import Backward, State, TailValues
 from planner.plan_edits import lists_of, steps_at
 from planner.plan_tree import Branch, Condition, Navigate, Observe, Path, Plan, TrackStop, Visit
+from planner.tally import Step, spend
+
+HASHED, SPLIT = 15, 30
+"""Passes over a mass that its digest takes, and passes and rows of a plan (`Step`) that splitting it by what
+the policy does next takes. By hand."""
 
 FOLLOWED = 2e-4
 """Share of the mass that a state needs to be looked at when a branch is fitted."""
@@ -44,6 +49,7 @@ class OptionFitter:
         self.closing = sum(1 << int(k) for k in np.flatnonzero(ends))
         self._optimal: dict[State, Any] = {}
         self._sequences: dict[bytes, Sequence] = {}
+        self._choices: dict[tuple[int, int], Any] = {}
 
     def over(self) -> bool:
         return (self.most is not None and self.iterations >= self.most) or self.should_stop()
@@ -64,6 +70,8 @@ class OptionFitter:
         tried = before & self.closing
         if not self.policy.sets.voluminous:
             before = 0
+        spend(Step.ROW, len(masses))
+        spend(Step.PASS, HASHED * len(masses) * self.grid.nt * self.grid.ng)
         digest = hashlib.blake2b(repr((before, tried)).encode(), digest_size=16)
         for state, mass in masses.items():
             digest.update(repr((width, *state)).encode())
@@ -159,19 +167,29 @@ class OptionFitter:
             index = self.policy.index_of(s)
             if index is None:
                 continue
-            names, values = self.policy.actions(s.place, index)
-            if not names:
+            choice = self._choice(s.place, index)
+            spend(Step.ROW, SPLIT)
+            spend(Step.PASS, SPLIT * self.grid.nt * self.grid.ng)
+            if choice is None:
                 found.setdefault(-1, {})[s] = mass
                 continue
-            best = np.argmax(values, axis=0)
-            stops = values[best, np.arange(values.shape[1])] <= 1e-9
-            choice = np.where(stops, -1, np.array(names)[best]).reshape(self.grid.shape)
-            worthwhile = advantage[s] > floor
-            for m in (-1, *names):
-                part = np.where((choice == m) & worthwhile, mass, 0.0)
-                if float(part.sum()) > 0.0:
-                    found.setdefault(m, {})[s] = part
+            worthwhile = (advantage[s] > floor) & (mass > 0.0)
+            for m in np.flatnonzero(np.bincount(choice[worthwhile] + 1)) - 1:
+                found.setdefault(int(m), {})[s] = np.where((choice == m) & worthwhile, mass, 0.0)
         return list(found.values())
+
+    def _choice(self, place: int, index: int) -> Any:
+        """Return what the policy goes for next, (nt, ng), -1 for nothing; None where nothing is left."""
+        key = (place, index)
+        if key not in self._choices:
+            names, values = self.policy.actions(place, index)
+            self._choices[key] = None
+            if names:
+                best = np.argmax(values, axis=0)
+                stops = values[best, np.arange(values.shape[1])] <= 1e-9
+                choice = np.where(stops, -1, np.array(names)[best])
+                self._choices[key] = choice.reshape(self.grid.shape)
+        return self._choices[key]
 
     def _by_track(self, point: Point) -> list[Masses]:
         """Return the mass parted by whether a target is tracked, for each target of which both occur."""
@@ -206,6 +224,8 @@ class OptionFitter:
         """Return the gain of an option with these steps and the condition that gives it."""
         self.iterations += 1
         value = self.values_of(steps, point.masses)
+        spend(Step.ROW, len(point.masses))
+        spend(Step.PASS, 4 * len(point.masses) * self.grid.nt * self.grid.ng)
         gains = {s: m * (value[s] - going_on[s]) for s, m in point.masses.items()}
         choice = best_condition(self.model, self.bins, gains, point.masses)
         return choice.gain, choice.when

@@ -21,7 +21,7 @@ from numba import njit
 from planner.evaluate.grid import Grid
 from planner.evaluate.model import Model
 from planner.evaluate.propagate import State
-from planner.tally import Step, spend
+from planner.tally import SECONDS, Step, spend
 
 MAX_STATES = 40_000
 """Largest number of live sets for which a table is made."""
@@ -426,15 +426,21 @@ class Policy:
             return
         grid, count = self.grid, len(tracked)
         spend(Step.DRIVE)
-        spend(Step.CELL, len(origins) * (grid.products + len(rows) * grid.nt * grid.ng))
-        spend(Step.ELEMENT, len(origins) * grid.nt * grid.ng)
-        key = (place, tuple(origins), tuple(tracked))
-        chances = self._chances.get(key)
-        if chances is None:
-            chances = self._chances[key] = self.chances(origins, place, tracked)
+        spend(Step.LOST, len(rows))
+        spend(Step.PASS, len(rows) * grid.nt * grid.ng)
+        spend(Step.CELL, len(origins) * grid.drive_s / SECONDS[Step.CELL])
+        chances = self._odds(origins, place, tracked)
         yield from grid.before_legs(
             origins, place, count, self._after(place, origins, live, rows, tracked, chances)
         )
+
+    def _odds(self, origins: list[int], to: int, tracked: list[int]) -> Any:
+        """Return `chances`, kept for the next time."""
+        key = (to, tuple(origins), tuple(tracked))
+        chances = self._chances.get(key)
+        if chances is None:
+            chances = self._chances[key] = self.chances(origins, to, tracked)
+        return chances
 
     def _after(
         self, place: int, origins: list[int], live: Live, rows: list[int], tracked: list[int], chances: Any
@@ -449,10 +455,14 @@ class Policy:
         mixed = (chances @ self.table[place][rows].reshape(len(rows), -1)).reshape(-1, *grid.shape)
         wanted = int(self.model.target_bits[place]) & live.bits
         if wanted and self.model.fail[origins, place].any():
-            left = self.outcomes(live, tracked, wanted)
+            others = [p for p in tracked if p != place]  # its own track is worth nothing then
+            left = self.outcomes(live, others, wanted)
+            spend(Step.LOST, len(left))
+            spend(Step.PASS, (1 + len(left)) * len(origins) * grid.nt * grid.ng)
+            odds = self._odds(origins, place, others)
             for k, a in enumerate(origins):
                 p = grid.dtype.type(self.model.fail[a, place])
-                back = chances[k] @ self.table[a][left].reshape(len(left), -1)
+                back = odds[k] @ self.table[a][left].reshape(len(left), -1)
                 mixed[k] += p * (back.reshape(grid.shape) - mixed[k])
         return mixed
 

@@ -16,12 +16,18 @@ from planner.contingency.policy import Policy
 from planner.contingency.seeding import round_about
 from planner.evaluate.model import Model
 from planner.evaluate.propagate import State, after_done, can_drive, can_observe, drive_outcomes
-from planner.plan_tree import Navigate, Observe, OnFail, Plan, Step, TrackStop
+from planner.plan_tree import Navigate, Observe, OnFail, Plan, TrackStop
+from planner.plan_tree import Step as PlanStep
+from planner.tally import Step, spend
 
 Masses = dict[State, Any]
 
 SMALL = 2e-3
 """Share of the mass below which a state is credited with the optimal value and followed no further."""
+
+
+PROMISED = 3
+"""Rows of a plan (`Step.ROW`) that what a state promises takes beside its grids. By hand."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +67,7 @@ def advance(policy: Policy, masses: Masses, m: int) -> tuple[Masses, float]:
     States in which it cannot be made stay where the attempt leaves them, as with `on_fail: skip`.
     """
     grid, model = policy.grid, policy.model
+    spend(Step.ROW, 4 * len(masses))
     target = int(model.obs_place[m])
     after: Masses = {}
     ready: Masses = {}
@@ -84,7 +91,9 @@ def advance(policy: Policy, masses: Masses, m: int) -> tuple[Masses, float]:
                         continue
                     arrived = grid.after_leg(on_way.place, hop, on_way.tracked.bit_count(), part)
                     earned -= model.penalty * float(part.sum() - arrived.sum())
-                    for p, then in drive_outcomes(model, on_way, hop):
+                    outcomes = drive_outcomes(model, on_way, hop)
+                    grid.count_ways(len(outcomes))
+                    for p, then in outcomes:
                         _add(coming if then.place == hop else after, then, p * arrived)
                 going = coming
             for there, part in going.items():
@@ -109,6 +118,8 @@ def advance(policy: Policy, masses: Masses, m: int) -> tuple[Masses, float]:
 def _promises(policy: Policy, masses: Masses) -> Any:
     """Return, per observation, a bound on the value of going for it next; -inf where it can do nothing."""
     model = policy.model
+    spend(Step.ROW, PROMISED * len(masses))
+    spend(Step.PASS, len(masses) * (model.m + 1) * policy.grid.nt * policy.grid.ng / 2)
     bounds = np.zeros(model.m)
     possible = np.zeros(model.m, np.bool_)
     for state, mass in masses.items():
@@ -190,6 +201,7 @@ def best_sequences(
                 else:
                     kept[state] = mass
             child = _Node(order, kept, earned + credit, bound)
+            spend(Step.ROW, 2 * len(after))
             following.append(child)
             found[order] = earned
             floor = max(floor, earned)
@@ -227,7 +239,7 @@ def sequence_steps(policy: Policy, order: tuple[int, ...], masses: Masses) -> Pl
     tracked = 0
     for state in masses:
         tracked |= state.tracked
-    steps: list[Step] = [
+    steps: list[PlanStep] = [
         TrackStop(model.target_ids[p - 1])
         for p in range(1, model.n + 1)
         if (tracked >> p) & 1 and p not in used and order

@@ -12,13 +12,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from enum import StrEnum
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from scipy.special import ndtr
 
 from planner.evaluate.model import Floats, Model
-from planner.tally import Step, spend
+from planner.tally import SECONDS, Step, spend
+
+PASSES = 3
+"""How often an action reads and writes its nodes, beside its products."""
+
+SHARED, MOST_SHARES = 40, 200
+"""Passes that the shares of a test on energy take, and for how many tests they are kept. By hand."""
 
 BATCHED_NODES = 80
 """Up to so many time nodes the drives to a place are computed in one batch."""
@@ -112,6 +119,7 @@ class Grid:
         self.t = np.arange(nt) * self.step_t
         self.g = np.arange(ng) * self.step_g
         self.energy = model.hotel_w * self.t[:, None] + self.g[None, :]
+        self._energy_shares: dict[float, Floats] = {}
         if how is Rounding.MID:
             alive = 1.0 - self.at_least_energy(model.e_max_j)
             alive[-1] *= 0.5
@@ -120,7 +128,7 @@ class Grid:
         self.alive = alive.astype(self.dtype)
         self.products = nt * ng * (nt + ng)
         """Multiplications of one action: a kernel of time and one of energy."""
-        self._kind = Step.CELL if self.dtype == np.float32 else Step.NODE
+        self._way = 1.0 + 2 * nt * ng * SECONDS[Step.PASS] / SECONDS[Step.WAY]
         self._leg_t: dict[tuple[int, int, int], Any] = {}
         self._leg_g: dict[tuple[int, int], Any] = {}
         self._obs_t: dict[int, Any] = {}
@@ -147,8 +155,17 @@ class Grid:
 
     def at_least_energy(self, threshold_j: float) -> Floats:
         """Return the share of each node's cell in which the energy used is at least a threshold; shape (nt,
-        ng).
+        ng). Do not write to it: a test of a plan is asked in many states.
         """
+        known = self._energy_shares.get(threshold_j)
+        if known is None:
+            if len(self._energy_shares) >= MOST_SHARES:
+                self._energy_shares.clear()
+            known = self._energy_shares[threshold_j] = self._at_least_energy(threshold_j)
+            spend(Step.PASS, SHARED * self.nt * self.ng)
+        return known
+
+    def _at_least_energy(self, threshold_j: float) -> Floats:
         a, b = self.model.hotel_w * self.step_t, self.step_g
         z = self.energy - threshold_j
         if a <= 1e-9 * b:
@@ -212,9 +229,21 @@ class Grid:
 
     def count(self, actions: int = 1) -> None:
         """Count actions worked out on this grid."""
-        spend(Step.CALL)
-        spend(self._kind, actions * self.products)
-        spend(Step.ELEMENT, actions * self.nt * self.ng)
+        spend(Step.ACT, actions * self._act)
+
+    @cached_property
+    def _act(self) -> float:
+        return 1.0 + self.drive_s / SECONDS[Step.ACT]
+
+    @property
+    def drive_s(self) -> float:
+        """Reckoned seconds of one of many drives worked out at once on this grid."""
+        each = SECONDS[Step.CELL if self.dtype == np.float32 else Step.PRODUCT]
+        return self.products * each + PASSES * self.nt * self.ng * SECONDS[Step.PASS]
+
+    def count_ways(self, ways: int) -> None:
+        """Count ways in which drives of a plan may end, with the masses or values of each added up."""
+        spend(Step.WAY, ways * self._way)
 
     def before_leg(self, a: int, b: int, tracked: int, after: Any) -> Any:
         """Return the value before a drive, given the value after it (losses already averaged)."""

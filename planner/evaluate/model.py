@@ -257,6 +257,11 @@ class Model:
         )
 
     @cached_property
+    def losses_known(self) -> dict[tuple[int, int, int], list[tuple[float, int]]]:
+        """What `propagate.loss_outcomes` said of a leg and of what is tracked on it; filled there."""
+        return {}
+
+    @cached_property
     def place_of(self) -> dict[str, int]:
         return {START: 0, **{t: k + 1 for k, t in enumerate(self.target_ids)}}
 

@@ -56,7 +56,10 @@ class Correlation:
     p_recover: float = 0.0
 
 
-RESUMED = 6
+ROLLED = 0.5
+"""What an action of a future takes where all are simulated at once, in `Step.ACTION`."""
+
+RESUMED = 5
 """What a call of `resume` takes beside its futures, in `Step.CALL`: the plan is compiled, and where futures
 stand is read. By hand, on 15 targets."""
 
@@ -147,7 +150,7 @@ def simulate(
     a seed is the same whatever plan meets it. With `watch` the futures hold what was seen at each row.
     """
     program = plan if isinstance(plan, Program) else compile_plan(model, plan)
-    spend(Step.ACTION, futures * _actions(program))
+    spend(Step.ACTION, ROLLED * futures * _actions(program))
     how = correlation or Correlation()
     odds = Odds(seed, how.day_factor_sd, how.slip_persistence, how.p_recover)
     outcome = Outcome.empty(futures)

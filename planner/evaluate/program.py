@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
 from typing import assert_never
 
 import numpy as np
@@ -29,6 +30,8 @@ from planner.plan_tree import (
     TrackStop,
     Visit,
 )
+from planner.tally import Step as Work
+from planner.tally import spend
 
 
 class Op(IntEnum):
@@ -70,6 +73,12 @@ class Program:
     def __len__(self) -> int:
         return len(self.op)
 
+    @cached_property
+    def rows(self) -> list[tuple[int, int, float, int, int]]:
+        """Operation, argument, threshold, and the rows that follow, of each row, as numbers of Python."""
+        columns = (self.op, self.arg, self.value, self.go, self.fail)
+        return list(zip(*(column.tolist() for column in columns), strict=True))
+
 
 def compile_plan(model: Model, plan: Plan, *, mark_ends: bool = False) -> Program:
     """Return the program of a plan; every row comes after the rows that it may go to.
@@ -77,7 +86,9 @@ def compile_plan(model: Model, plan: Plan, *, mark_ends: bool = False) -> Progra
     With `mark_ends` the end of each list of steps has a row of its own, whose path is one past the last step.
     """
     compiler = _Compiler(model, mark_ends)
-    return compiler.program(compiler.block(plan, 0, ()))
+    program = compiler.program(compiler.block(plan, 0, ()))
+    spend(Work.ROW, len(program) / 2)
+    return program
 
 
 class _Compiler:

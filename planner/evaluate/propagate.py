@@ -16,6 +16,7 @@ from planner.evaluate.grid import Grid
 from planner.evaluate.model import Model
 from planner.evaluate.program import Op, Program, compile_plan
 from planner.plan_tree import Plan
+from planner.tally import Step, spend
 
 COARSE = (61, 37)
 """Nodes in time and drive energy of the coarser grid of the evaluator. By hand."""
@@ -39,7 +40,17 @@ ORIGIN = State(0, 0, 0)
 
 
 def loss_outcomes(model: Model, a: int, b: int, tracked: int) -> list[tuple[float, int]]:
-    """Return (chance, targets still tracked) after the leg a -> b; chances sum to one."""
+    """Return (chance, targets still tracked) after the leg a -> b; chances sum to one.
+
+    Do not write to it: it is kept for the next time.
+    """
+    known = model.losses_known.get((a, b, tracked))
+    if known is None:
+        known = model.losses_known[a, b, tracked] = _loss_outcomes(model, a, b, tracked)
+    return known
+
+
+def _loss_outcomes(model: Model, a: int, b: int, tracked: int) -> list[tuple[float, int]]:
     outcomes = [(1.0, tracked)]
     rest = tracked
     while rest:
@@ -68,8 +79,8 @@ def drive_outcomes(model: Model, state: State, to: int) -> list[tuple[float, Sta
 def drives_ahead(program: Program) -> list[int]:
     """Return, for each row, the places (bits) to which some row that may follow, or itself, drives."""
     ahead = [0]
-    for op, arg, go, fail in list(zip(program.op, program.arg, program.go, program.fail, strict=True))[1:]:
-        own = 1 << int(arg) if op == Op.NAVIGATE else 0
+    for op, arg, _, go, fail in program.rows[1:]:
+        own = 1 << arg if op == Op.NAVIGATE else 0
         ahead.append(own | ahead[go] | ahead[fail])  # every row comes after its successors
     return ahead
 
@@ -79,10 +90,10 @@ def done_read_ahead(model: Model, program: Program) -> list[int]:
     are done; the columns say what the rules ask.
     """
     ahead = [0]
-    for op, arg, go, fail in list(zip(program.op, program.arg, program.go, program.fail, strict=True))[1:]:
+    for op, arg, _, go, fail in program.rows[1:]:
         own = 0
         if op in (Op.OBSERVE, Op.IF_DONE):
-            own = 1 << int(arg)
+            own = 1 << arg
         if op == Op.OBSERVE:
             place = int(model.obs_place[arg])
             own |= int(model.predecessors[arg])
@@ -187,9 +198,8 @@ class TailValues:
     def numbers_of(self, program: Program) -> list[int]:
         """Return the number of each row; rows of different programs with one number have the same value."""
         numbers = [0]
-        rows = zip(program.op, program.arg, program.value, program.go, program.fail, strict=True)
-        for op, arg, value, go, fail in list(rows)[1:]:  # every row comes after its successors
-            key = (int(op), int(arg), float(value), numbers[go], numbers[fail])
+        for op, arg, value, go, fail in program.rows[1:]:  # every row comes after its successors
+            key = (op, arg, value, numbers[go], numbers[fail])
             numbers.append(self._numbers.setdefault(key, len(self._numbers) + 1))
         return numbers
 
@@ -208,6 +218,7 @@ class Backward:
         self.grid, self.program, self.model = grid, program, grid.model
         self._zero = np.zeros(grid.shape, grid.dtype)
         self._tails = tails or TailValues(grid)
+        spend(Step.ROW, len(program))
         self._numbers = self._tails.numbers_of(program)
         self._ahead = drives_ahead(program) if self.model.fail.any() else []
         self._read = done_read_ahead(self.model, program)
@@ -216,10 +227,10 @@ class Backward:
         """Return the expected utility still to come at a row, shape (nt, ng); do not write to it."""
         if row == 0:
             return self._zero
-        if state.closed:
-            state = state._replace(closed=state.closed & self._ahead[row])
-        if state.done & ~self._read[row]:
-            state = state._replace(done=state.done & self._read[row])
+        place, done, tracked, closed = state
+        if done & ~self._read[row] or closed:
+            closed = closed and closed & self._ahead[row]
+            state = State(place, done & self._read[row], tracked, closed)
         number = self._numbers[row]
         known = self._tails.known.get((number, state))
         if known is None:
@@ -229,22 +240,25 @@ class Backward:
 
     def _compute(self, row: int, state: State) -> Any:
         program, model, grid = self.program, self.model, self.grid
-        op, arg = int(program.op[row]), int(program.arg[row])
-        go, fail = int(program.go[row]), int(program.fail[row])
+        op, arg, value, go, fail = program.rows[row]
+        spend(Step.ROW, 2)
         if op == Op.NAVIGATE:
             if state.place == arg:
                 return self.value(go, state)
             if not can_drive(model, state, arg):
                 return self.value(fail, state)
-            after: Any = None
-            for p, then in drive_outcomes(model, state, arg):
-                part = p * self.value(go if then.place == arg else fail, then)
-                after = part if after is None else after + part
+            outcomes = drive_outcomes(model, state, arg)
+            grid.count_ways(len(outcomes))
+            p, then = outcomes[0]
+            after = p * self.value(go if then.place == arg else fail, then)
+            part = np.empty_like(after)
+            for p, then in outcomes[1:]:
+                after += np.multiply(p, self.value(go if then.place == arg else fail, then), out=part)
             return grid.before_leg(state.place, arg, state.tracked.bit_count(), after)
         if op == Op.OBSERVE:
             if not can_observe(model, state, arg):
                 return self.value(fail, state)
-            value = grid.before_observation(
+            made = grid.before_observation(
                 arg,
                 self.value(go, after_done(model, state, arg)),
                 model.expected_utility_of(arg, state.done),
@@ -252,13 +266,16 @@ class Backward:
             closes = float(model.window[arg, 1])
             if closes < model.t_max_s:
                 share = grid.open_until(closes)
-                value = share * value + (1.0 - share) * self.value(fail, state)
-            return value
+                made = share * made + (1.0 - share) * self.value(fail, state)
+            return made
+        if op in (Op.IF_TIME, Op.IF_ENERGY):
+            spend(Step.ROW, 2)
+            spend(Step.PASS, 4 * grid.nt * grid.ng)
         if op == Op.IF_TIME:
-            share = grid.at_least_time(float(program.value[row]))
+            share = grid.at_least_time(value)
             return share * self.value(go, state) + (1.0 - share) * self.value(fail, state)
         if op == Op.IF_ENERGY:
-            share = grid.at_least_energy(float(program.value[row]))
+            share = grid.at_least_energy(value)
             return share * self.value(go, state) + (1.0 - share) * self.value(fail, state)
         if op == Op.TRACK_START:
             return self.value(fail, state)  # reached away from the deterministic beginning only when it fails
@@ -298,8 +315,8 @@ def forward_from(grid: Grid, program: Program, row: int, masses: dict[State, Any
         states = flow.get(here)
         if not states:
             continue
-        op, arg = int(program.op[here]), int(program.arg[here])
-        go, fail = int(program.go[here]), int(program.fail[here])
+        op, arg, value, go, fail = program.rows[here]
+        spend(Step.ROW, len(states))
         for state, mass in states.items():
             if op == Op.NAVIGATE:
                 if state.place == arg:
@@ -310,7 +327,9 @@ def forward_from(grid: Grid, program: Program, row: int, masses: dict[State, Any
                     arrived = grid.after_leg(state.place, arg, state.tracked.bit_count(), mass)
                     if state.closed:  # of places no longer driven to the last one that failed is known alone
                         state = state._replace(closed=state.closed & ahead[here])
-                    for p, then in drive_outcomes(model, state, arg):
+                    outcomes = drive_outcomes(model, state, arg)
+                    grid.count_ways(len(outcomes))
+                    for p, then in outcomes:
                         add(go if then.place == arg else fail, then, p * arrived)
             elif op == Op.OBSERVE:
                 if not can_observe(model, state, arg):
@@ -323,8 +342,8 @@ def forward_from(grid: Grid, program: Program, row: int, masses: dict[State, Any
                     mass = share * mass
                 add(go, after_done(model, state, arg), grid.after_observation(arg, mass))
             elif op in (Op.IF_TIME, Op.IF_ENERGY):
-                threshold = float(program.value[here])
-                share = grid.at_least_time(threshold) if op == Op.IF_TIME else grid.at_least_energy(threshold)
+                spend(Step.PASS, 4 * grid.nt * grid.ng)
+                share = grid.at_least_time(value) if op == Op.IF_TIME else grid.at_least_energy(value)
                 add(go, state, share * mass)
                 add(fail, state, (1.0 - share) * mass)
             elif op == Op.TRACK_START:

@@ -21,65 +21,84 @@ NOISE = 1e-9
 
 
 @njit(cache=True, nogil=True)
-def _chord(nodes: Floats, i: int, j: int, x: float, y: float) -> float:
-    """Return what is between the nodes of a cell at shares of it in [0, 1]."""
-    low = nodes[i, j] + y * (nodes[i, j + 1] - nodes[i, j])
-    high = nodes[i + 1, j] + y * (nodes[i + 1, j + 1] - nodes[i + 1, j])
-    return low + x * (high - low)
+def _chords(nodes: Floats, i: int, j: int, shares: Floats, chords: Floats) -> None:
+    """Write what is between the nodes of a cell at `shares` [finer + 1] of either side, 0 to 1, to `chords`
+    [finer + 1, finer + 1].
+    """
+    for q in range(len(shares)):
+        low = nodes[i, j] + shares[q] * (nodes[i, j + 1] - nodes[i, j])
+        high = nodes[i + 1, j] + shares[q] * (nodes[i + 1, j + 1] - nodes[i + 1, j])
+        for p in range(len(shares)):
+            chords[p, q] = low + shares[p] * (high - low)
 
 
 @njit(cache=True, nogil=True)
-def _missing(nodes: Floats, fine: Singles, bulge: float, finer: int, i: int, j: int) -> float:
+def _missing(
+    nodes: Floats, fine: Singles, bulge: float, shares: Floats, i: int, j: int, chords: Floats
+) -> float:
     """Return by how much the chord of a cell of nodes has to rise, at most 0 where it is above everywhere.
 
     On a fine cell it is above where its upper corner is above the function at the lower one, since both fall,
-    or where all corners are above it and its bulge.
+    or where all corners are above it and its bulge. `shares` and `chords` are as in `_chords`.
     """
+    finer = len(shares) - 1
     short = fine[i * finer, j * finer] - min(
         min(nodes[i, j], nodes[i, j + 1]), min(nodes[i + 1, j], nodes[i + 1, j + 1])
     )
     if short <= LITTLE:
         return short
+    _chords(nodes, i, j, shares, chords)
     most = -1.0
     for a in range(finer):
         for b in range(finer):
-            short = fine[i * finer + a, j * finer + b] - _chord(nodes, i, j, (a + 1) / finer, (b + 1) / finer)
+            short = fine[i * finer + a, j * finer + b] - chords[a + 1, b + 1]
             if short <= most:
                 continue
             over = -1.0
             for p in range(a, a + 2):
                 for q in range(b, b + 2):
-                    chord = _chord(nodes, i, j, p / finer, q / finer)
-                    over = max(over, fine[i * finer + p, j * finer + q] - chord)
+                    over = max(over, fine[i * finer + p, j * finer + q] - chords[p, q])
             most = max(most, min(short, over + bulge))
     return most
 
 
 @njit(cache=True, nogil=True)
 def _room(
-    nodes: Floats, fine: Singles, bulge: float, finer: int, cell: tuple[int, int], node: tuple[int, int]
+    nodes: Floats,
+    fine: Singles,
+    bulge: float,
+    shares: Floats,
+    cell: tuple[int, int],
+    node: tuple[int, int],
+    most: float,
+    chords: Floats,
 ) -> float:
-    """Return by how much one node of a cell may fall and leave its chord above, by the same conditions."""
+    """Return by how much one node of a cell may fall and leave its chord above, by the same conditions; at
+    most `most`. `shares` and `chords` are as in `_chords`.
+    """
     i, j = cell
-    least = np.inf
+    finer, least = len(shares) - 1, most
+    above_x, above_y = node[0] > i, node[1] > j
+    _chords(nodes, i, j, shares, chords)
     for a in range(finer):
+        x = shares[a + 1] if above_x else 1.0 - shares[a + 1]
         for b in range(finer):
-            x, y = (a + 1) / finer, (b + 1) / finer
-            weight = (x if node[0] > i else 1.0 - x) * (y if node[1] > j else 1.0 - y)
-            spare = _chord(nodes, i, j, x, y) - fine[i * finer + a, j * finer + b] + NOISE
+            weight = x * (shares[b + 1] if above_y else 1.0 - shares[b + 1])
+            spare = chords[a + 1, b + 1] - fine[i * finer + a, j * finer + b] + NOISE
             if spare >= least * weight and spare >= 0.0:
                 continue
             by_corner = spare / weight if weight > 0.0 else (np.inf if spare >= 0.0 else -np.inf)
             by_all = np.inf
             for p in range(a, a + 2):
                 for q in range(b, b + 2):
-                    x, y = p / finer, q / finer
-                    weight = (x if node[0] > i else 1.0 - x) * (y if node[1] > j else 1.0 - y)
-                    spare = _chord(nodes, i, j, x, y) - fine[i * finer + p, j * finer + q] - bulge + NOISE
+                    spare = chords[p, q] - fine[i * finer + p, j * finer + q] - bulge + NOISE
+                    share = (shares[p] if above_x else 1.0 - shares[p]) * (
+                        shares[q] if above_y else 1.0 - shares[q]
+                    )
                     if spare < 0.0:
                         by_all = -np.inf
-                    elif weight > 0.0:
-                        by_all = min(by_all, spare / weight)
+                    elif share > 0.0:
+                        by_all = min(by_all, spare / share)
             least = min(least, max(by_corner, by_all))
     return least
 
@@ -92,13 +111,14 @@ def _asked_rise(
 
     A cell, (nt - 1, ng - 1), that is asked no more was found to be high enough.
     """
-    rise = np.zeros(nodes.shape)
+    rise, chords = np.zeros(nodes.shape), np.empty((finer + 1, finer + 1))
+    shares = np.arange(finer + 1) / finer
     some = False
     for i in range(asked.shape[0]):
         for j in range(asked.shape[1]):
             if not asked[i, j]:
                 continue
-            missing = _missing(nodes, fine, bulge, finer, i, j)
+            missing = _missing(nodes, fine, bulge, shares, i, j, chords)
             asked[i, j] = missing > NOISE
             if asked[i, j]:
                 some = True
@@ -110,13 +130,14 @@ def _asked_rise(
 def _lowered(nodes: Floats, fine: Singles, bulge: float, finer: int) -> None:
     """Let each node fall as far as it may, those of the largest chances first."""
     nt, ng = nodes.shape
+    shares, chords = np.arange(finer + 1) / finer, np.empty((finer + 1, finer + 1))
     for i in range(nt):
         for j in range(ng):
             room = nodes[i, j] - fine[i * finer, j * finer]
             for p in range(max(0, i - 1), min(nt - 1, i + 1)):
                 for q in range(max(0, j - 1), min(ng - 1, j + 1)):
                     if room > LITTLE:
-                        room = min(room, _room(nodes, fine, bulge, finer, (p, q), (i, j)))
+                        room = _room(nodes, fine, bulge, shares, (p, q), (i, j), room, chords)
             if room > LITTLE:
                 nodes[i, j] -= room - LITTLE
 

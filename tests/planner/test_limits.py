@@ -9,8 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.contingency.bounds import Bound
+from planner.contingency.bounds import Bound, drives_of, rounded_down, tables_above
+from planner.contingency.policy import LiveSets, Moves, Policy
+from planner.evaluate.grid import Grid
 from planner.evaluate.model import Model
+from planner.evaluate.program import compile_plan
+from planner.evaluate.propagate import Backward
 from planner.notes import sketch
 from planner.options import PlannerOptions
 from planner.orienteering import solve as solve_routing
@@ -23,7 +27,7 @@ from planner.solve import PlanStatus, solve
 from planner.stages import LEFT_SHARE, Order, bounded
 from planner.strategies import Found
 from planner.tally import SECONDS, Step, StoppedError, spend, tallied
-from tests.planner.examples import example, observation, problem_document
+from tests.planner.examples import example, observation, problem_document, visits
 
 
 def _large(targets: int) -> Any:
@@ -118,6 +122,42 @@ def test_steps_are_counted_once_in_the_outermost_tally_and_a_stop_is_raised_once
         with pytest.raises(StoppedError):
             spend(Step.LABEL)
         spend(Step.LABEL)
+
+
+def _failing(targets: int, p_fail: float) -> Any:
+    places = [(4.0 * np.cos(k), 4.0 * np.sin(k)) for k in range(targets)]
+    rows = [[observation(f"O{k}", "place")] for k in range(targets)]
+    document = problem_document(places=places, observations=rows, time_s=12_000.0, overrun_penalty=5.0)
+    for leg in document["legs"]:
+        leg["p_fail"] = p_fail
+    return problem_from_dict({**document, "format": "problem/2"})
+
+
+def test_a_plan_is_reckoned_by_the_ways_in_which_its_drives_may_end() -> None:
+    """Where drives may fail, a limit of 10 s took 24 s: an action counted the same however it might end."""
+    spent = []
+    for p_fail in (0.0, 0.01):
+        problem = _failing(5, p_fail)
+        model = Model.of(problem)
+        program = compile_plan(model, visits(problem, *(o.id for o in problem.observations)))
+        with tallied() as tally:
+            Backward(Grid(model, 25, 15), program).total()
+        spent.append((tally.seconds, tally.steps[Step.WAY]))
+    assert spent[1][1] > 1.8 * spent[0][1]
+    assert spent[1][0] > 1.5 * spent[0][0]
+
+
+@pytest.mark.parametrize("p_fail", [0.0, 0.01])
+@pytest.mark.parametrize("kind", ["down", "above"])
+def test_a_table_takes_about_what_it_was_chosen_by(kind: str, p_fail: float) -> None:
+    model = Model.of(_failing(4, p_fail))
+    sets = LiveSets(model, (1 << model.m) - 1)
+    every = sets.all_from([sets.initial(0b11110)])
+    tables = {"down": rounded_down, "above": tables_above}[kind](model, drives_of(model, every))
+    nodes = (25, 29) if kind == "above" else (49, 28)
+    with tallied() as tally:
+        Policy(tables.grid(*nodes), moves=Moves.ALL)
+    assert 0.4 < tally.seconds / tables.seconds(*nodes) < 1.5
 
 
 @pytest.mark.parametrize("limit_s", [0.05, 0.5])
