@@ -28,14 +28,6 @@ MOST_LOOKS = 6
 """How often the narrow pair is pointed for one placement."""
 
 
-OPEN = 1.5
-"""Times a limit of relief that a surface with too wide a hole may take for another side to be worth a move:
-stereo draws spikes and edges at the border of a hole. Of four such points (tuned on) 48192, at 1.4, was then
-placed on, and 48261, at 1.03, was not; 48176, at 3.7, ends in a cliff, and 48185, at 1.9, was left with no
-place at all.
-"""
-
-
 class Sight(StrEnum):
     """What a narrow look says of a place."""
 
@@ -46,15 +38,11 @@ class Sight(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Opinion:
-    """What a narrow look says of a place; where that is good, the place as it has it.
-
-    `undecided` tells of a bad place that it may be another surface: it has a hole, and is not far from good.
-    """
+    """What a narrow look says of a place; where that is good, the place as it has it."""
 
     sight: Sight
     judged: Judged | None = None
     finding: Finding | None = None
-    undecided: bool = False
 
 
 UNSEEN = Opinion(Sight.UNKNOWN)
@@ -131,11 +119,15 @@ class NarrowLooks:
         surface = fuse([narrow, *reversed(self.joint.checks)], point, self.options)
         if surface is None or surface.narrow_share < self.options.least_narrow_share:
             return UNSEEN
-        holed = surface.hole_m > self.options.most_hole_m or surface.ending_m > self.options.most_ending_m
         why = self._relief(surface)
         if why is not None:
-            return Opinion(Sight.BAD, finding=why, undecided=holed and why.value <= OPEN * why.limit)
-        if holed or surface.rock_share < self.options.least_rock_share or not self._free(narrow, surface):
+            return Opinion(Sight.BAD, finding=why)
+        if (
+            surface.hole_m > self.options.most_hole_m
+            or surface.ending_m > self.options.most_ending_m
+            or surface.rock_share < self.options.least_rock_share
+            or not self._free(narrow, surface)
+        ):
             return UNSEEN
         judged = self._as_judged(narrow, surface)
         return UNSEEN if judged is None else Opinion(Sight.GOOD, judged)

@@ -76,7 +76,7 @@ class Search:
         self.hopeful = promising or any(finding.reason in UNKNOWING for finding in judged.findings)
         opinion = self.looks.opinion(self.at, anew=True) if self.hopeful else UNSEEN
         if opinion.sight is Sight.BAD and opinion.finding is not None:
-            self.hopeful = opinion.undecided
+            self.hopeful = False
             self.first = judged.with_finding(opinion.finding)
             return None
         if not promising:

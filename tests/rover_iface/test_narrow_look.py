@@ -331,12 +331,11 @@ def test_what_falls_away_farther_out_counts_at_the_rim_alone(k9: RoverProfile) -
     assert found.rim_depth_m > 0.045
 
 
-def opinion(k9: RoverProfile, hole_m: float, drop_m: float = 0.0) -> Opinion:
-    """What a look says of a sheet with a hole so wide beside the tool, and maybe a drop at its other side."""
+def opinion(k9: RoverProfile, hole_m: float) -> Opinion:
+    """What a look says of a sheet with a hole so wide beside the tool."""
     narrow, wide = sheet(PITCH_M), sheet(0.004)
     for points in (narrow, wide):
         points[round_(points, 0.045, 0.0, 0.5 * hole_m)] = np.nan
-        points[..., 2] -= np.where(points[..., 0] < AT[0] - 0.024, drop_m, 0.0)
     looks = NarrowLooks(JointCheck([check(wide, k9, 0.003)]), lambda _: check(narrow, k9).cloud, k9)
     return looks.opinion(AT, anew=True)
 
@@ -350,17 +349,6 @@ def test_the_designated_point_bears_a_wider_hole_beside_the_tool_than_a_place_be
     assert near.judged is not None
     assert near.judged.strain > 1.0
     assert wide.sight is Sight.UNKNOWN
-
-
-@pytest.mark.parametrize(
-    ("hole_m", "drop_m", "undecided"), [(0.036, 0.03, True), (0.036, 0.06, False), (0.0, 0.03, False)]
-)
-def test_a_bad_place_with_a_hole_may_be_another_surface_unless_it_is_far_from_good(
-    k9: RoverProfile, hole_m: float, drop_m: float, undecided: bool
-) -> None:
-    found = opinion(k9, hole_m, drop_m)
-    assert found.sight is Sight.BAD
-    assert found.undecided == undecided
 
 
 def test_a_surface_that_ends_unseen_beside_the_tool_is_told(k9: RoverProfile) -> None:
@@ -415,19 +403,6 @@ def test_looks_are_few_and_a_place_that_is_not_calm_is_not_taken_unseen(k9: Rove
     assert 1 < len(asked) <= MOST_LOOKS
     if refused.point is not None:
         assert min(float(np.linalg.norm(refused.point - at)) for at in asked) < 0.03
-
-
-@pytest.mark.parametrize("undecided", [True, False])
-def test_a_point_that_a_look_with_a_hole_nearly_bears_is_worth_another_side(undecided: bool) -> None:
-    # 48192: a protrusion of 24 mm round a hole; from another side the tool was put on it, 3 mm off
-    hole = Finding(Reason.STEREO_HOLE, 0.03, 0.012, "m")
-    bad = Opinion(Sight.BAD, finding=Finding(Reason.EDGE, 0.03, 0.025, "m"), undecided=undecided)
-    check: Any = SimpleNamespace(judge=lambda point, brief=False: Judged(point, None, None, (hole,)))
-    looks: Any = SimpleNamespace(opinion=lambda _point, *, anew: bad)
-    nothing: Any = None
-    search = Search(check, np.zeros(3), nothing, None, looks)
-    assert search.designated() is None
-    assert search.hopeful == undecided
 
 
 def test_all_places_that_a_look_tells_of_are_asked_for(k9: RoverProfile) -> None:
