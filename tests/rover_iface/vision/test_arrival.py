@@ -12,8 +12,8 @@ from rover_iface.errors import TrackerError
 from rover_iface.vision.narrow.arrival import ArrivalTracker
 from rover_iface.vision.sift import _Anchored
 from rover_iface.vision.tracker import TrackState
+from tests.rover_iface.vision.test_designation import edge_pixel
 from tests.rover_iface.vision.test_narrow_range import POSE, face, frames, view
-from tests.rover_iface.vision.test_narrow_recall import edge_pixel
 
 
 def on_ray(pixel: Array, away_m: float) -> Array:
