@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -145,6 +146,22 @@ def test_a_window_that_holds_what_lies_behind_an_edge_ranges_no_target_that_pict
     off = found.position - DRIFT.apply(point)
     assert np.linalg.norm(off) < 0.01
     assert off @ np.linalg.solve(found.covariance, off) < 16.0
+
+
+@pytest.mark.parametrize(("off_m", "kept"), [(0.028, False), (0.012, True)])
+def test_a_range_that_contradicts_earlier_answers_is_not_believed(off_m: float, kept: bool) -> None:
+    """In the shade of a smooth face one stereo pair after the other had a target too near."""
+    tracker, point = begun()
+    near, place = view("navcam", NEAR_X, DRIFT), DRIFT.apply(point)
+    assert tracker.update("A", near).state is TrackState.TRACKED
+    ray = (place - near.left_camera.C) / np.linalg.norm(place - near.left_camera.C)
+    tracker.expect("A", place + off_m * ray, 0.008**2 * np.eye(3))
+    found = tracker.update("A", near)
+    assert found.state is TrackState.TRACKED
+    along_m = float((found.position - place) @ ray)
+    assert along_m == pytest.approx(0.0 if kept else off_m, abs=0.006)
+    told_m = math.sqrt(float(ray @ found.covariance @ ray))
+    assert told_m < 0.006 if kept else off_m / 2.0 < told_m < off_m
 
 
 def followed_beside(wide: bool) -> tuple[NarrowRecall, TrackUpdate, Array]:
