@@ -142,6 +142,7 @@ class _Memory:
     against: Array | None = None
     refused: int = 0
     confirmed: bool = False
+    astray_m: float = 0.0
     expected: tuple[Array, Array] | None = None
     sought: Array | None = None
 
@@ -411,8 +412,8 @@ def _astray(memory: _Memory, update: TrackUpdate) -> bool:
 def _range_in_doubt(memory: _Memory, update: TrackUpdate, view: StereoView) -> TrackUpdate:
     """Return an answer with the range that earlier answers have where its own contradicts them.
 
-    They are of pictures from several places, which one stereo pair in poor light does not outvote; but either
-    may be right, so their difference is told as two deviations.
+    They are of pictures from several places, which one stereo pair in poor light does not outvote, nor the
+    next ones of that light; but either may be right, so their difference is told as two deviations.
     """
     if memory.expected is None or update.state is not TrackState.TRACKED:
         return update
@@ -421,8 +422,11 @@ def _range_in_doubt(memory: _Memory, update: TrackUpdate, view: StereoView) -> T
     ray = ray / np.linalg.norm(ray)
     gap_m = float((update.position - expected) @ ray)
     own_m2, open_m2 = float(ray @ update.covariance @ ray), float(ray @ covariance @ ray)
-    if gap_m**2 <= RANGE_ASTRAY * (own_m2 + open_m2):
+    as_before = memory.astray_m != 0.0 and gap_m / memory.astray_m > 0.5
+    if gap_m**2 <= RANGE_ASTRAY * (own_m2 + open_m2) and not as_before:
+        memory.astray_m = 0.0
         return update
+    memory.astray_m = gap_m
     wider_m2 = max(0.0, open_m2 + (gap_m / 2.0) ** 2 - own_m2)
     return replace(
         update,
