@@ -211,7 +211,7 @@ def drives(problem: Problem, legs: Sequence[DrivenLeg]) -> Iterator[dict[str, An
     here: str = START
     for leg in legs:
         said = of.get((here, leg.to))
-        if said is not None:
+        if said is not None and leg.energy_j > 0.0:  # of one that a budget cut short nothing is told
             overhead_s = problem.track_overhead_s_per_leg * len(leg.tracks)
             yield {
                 "to": leg.to,

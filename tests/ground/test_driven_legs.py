@@ -178,6 +178,19 @@ def test_activities_have_their_outcome_time_and_energy_and_drives_are_none(tmp_p
     ]
 
 
+@pytest.mark.parametrize(("outcome", "cut"), [("FAILED", 1), ("ABORTED", 0)])
+def test_a_drive_that_a_budget_cut_short_counts_as_failed(tmp_path: Path, outcome: str, cut: int) -> None:
+    """One that people stopped does not."""
+    out = _told(tmp_path / "run", {"T1": ("tracked",) * 3, "T2": ("tracked",) * 3})
+    on = {"k": "send", "id": ["r", "navigate-T3", 1], "action": "navigate", "parameters": {"target": "T3"}}
+    end = {"k": "end", "t": 9_000_000, "outcome": outcome, "utility": -60.0}
+    with (out / "journal.jsonl").open("a") as journal:
+        journal.write("\n" + json.dumps(on) + "\n" + json.dumps(end))
+    legs = legs_of_run(out)
+    assert [(leg.to, leg.duration_s) for leg in legs if leg.failed] == [("T3", 7000.0)] * cut
+    assert [leg.to for leg in legs if leg.arrived] == ["T1", "T2"]
+
+
 def test_a_target_that_was_placed_on_is_watched_no_longer(tmp_path: Path) -> None:
     out = _told(tmp_path / "run", {"T1": ("tracked",) * 3, "T2": ("tracked",) * 3})
     done = {"e": "result", "t": 1_050_000, "command": ["r", "observe-R1", 1], "success": True,

@@ -126,7 +126,9 @@ def _let_go(journal: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
 
 
 def _drives(journal: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, float, float, Mapping[str, Any]]]:
-    """Return task, target, begin and end (s) and the result of every drive that came to a result."""
+    """Return task, target, begin and end (s) and the result of every drive, also of one that was under way
+    when a budget of the plan ended: it would not have been cut short had it arrived as it was to.
+    """
     now, sent, found = 0.0, {}, []
     for record in journal:
         now = record.get("t", 1000.0 * now) / 1000.0
@@ -138,6 +140,9 @@ def _drives(journal: Sequence[Mapping[str, Any]]) -> list[tuple[str, str, float,
                 if begun is not None:
                     begin_s, to = begun
                     found.append((str(event["command"][1]), to, begin_s, event["t"] / 1000.0, event))
+        elif record["k"] == "end" and record["outcome"] == "FAILED":
+            cut = {"success": False, "values": {}}
+            found += [(str(task), to, begin_s, now, cut) for (_, task, _), (begin_s, to) in sent.items()]
     return found
 
 
