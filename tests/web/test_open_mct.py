@@ -14,13 +14,14 @@ from urllib.error import HTTPError
 from urllib.request import urlopen
 
 import pytest
-from playwright.sync_api import Page, Route, expect, sync_playwright
+from playwright.sync_api import Page, Route, expect
 
 from ground.resources.runs.work import LIVE
 from tests.npm import npm_packages
 from tests.waiting import until
-from tests.web.conftest import CHROMIUM, FLAGS, Server
+from tests.web.conftest import Server
 from tests.web.missions import ask, done, make_plan, small_mission
+from tests.web.page import chromium
 
 pytestmark = [pytest.mark.browser, pytest.mark.slow, pytest.mark.xdist_group("browser")]
 
@@ -80,8 +81,7 @@ def mission_control(server: Server) -> Iterator[tuple[Page, list[str]]]:
         else:
             route.fulfill(status=404, body="")
 
-    with sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+    with chromium() as browser:
         page = browser.new_page(viewport={"width": 1200, "height": 600})
         page.on(
             "console",
@@ -93,7 +93,6 @@ def mission_control(server: Server) -> Iterator[tuple[Page, list[str]]]:
         page.route("**/mct/**", serve)
         page.route("**/mission-control", lambda r: r.fulfill(body=PAGE, content_type="text/html"))
         yield page, complaints
-        browser.close()
 
 
 class Written:

@@ -138,7 +138,8 @@ def test_the_bound_under_a_chance_constraint_is_tighter_and_holds() -> None:
         result = solve(bound, max_branches=1, iterations=20)
         assert result.check is not None
         assert result.check.overrun <= allowed
-        assert result.lower <= result.expected_utility <= result.upper <= free.upper * 1.001
+        # each bound is from a grid of its own
+        assert result.lower <= result.expected_utility <= result.upper <= free.upper * 1.003
         values.append(result)
     assert [r.expected_utility for r in values] == sorted((r.expected_utility for r in values), reverse=True)
     assert values[-1].upper < 0.95 * free.upper
