@@ -67,7 +67,8 @@ def story(tmp_path_factory: pytest.TempPathFactory) -> Story:
     document["start"] = {"east_m": 1.5, "north_m": 0.25, "heading_rad": 0.1}
     (world / "world.json").write_text(json.dumps(document), encoding="utf-8")
     out = tmp_path_factory.mktemp("run")
-    rover = find_rover("full")(world, out=out, seed=5)
+    # with seed 5 a millimetre of the rock's outline decides, which differs between processors
+    rover = find_rover("full")(world, out=out, seed=7)
     assert isinstance(rover, TerrainRover)
     told = Story(rover, out)
     told.do("trackstart", target="T1")
