@@ -14,7 +14,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -121,6 +121,9 @@ class Dictionary:
         text = json.dumps(dictionary_document(self), sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
 
+    def __hash__(self) -> int:
+        return hash(self.sha256)
+
 
 _TEXT = {"type": "string"}
 _NAME = {"type": "string", "minLength": 1}
@@ -198,6 +201,11 @@ def load_dictionary(path: Path) -> Dictionary:
         raw = path.read_bytes()
     except OSError as err:
         raise DictionaryError(f"dictionary {path}: {err.strerror or err}") from err
+    return _parsed(raw, path)
+
+
+@lru_cache(maxsize=32)
+def _parsed(raw: bytes, path: Path) -> Dictionary:
     try:
         text = raw.decode("utf-8")
         document = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)

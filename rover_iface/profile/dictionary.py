@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 
 from executive.crl.dictionary import Dictionary, load_dictionary
@@ -14,7 +14,6 @@ STANDARD_DICTIONARY = "outcrop-rover"
 _FOLDER = Path(__file__).parents[1] / "dictionaries"
 
 
-@lru_cache(maxsize=32)
 def dictionary_file(name: str) -> Dictionary:
     """Return a dictionary by name, or from a file that ends in `.toml` or `.json`.
 
@@ -25,6 +24,11 @@ def dictionary_file(name: str) -> Dictionary:
     """
     if name.endswith((".toml", ".json")):
         return load_dictionary(Path(name))
+    return _of_the_program(name)
+
+
+@cache
+def _of_the_program(name: str) -> Dictionary:
     path = _FOLDER / f"{name}.toml"
     if not path.is_file():
         known = ", ".join(sorted(p.stem for p in _FOLDER.glob("*.toml")))

@@ -13,6 +13,7 @@ from dataclasses import fields
 from functools import cache, lru_cache
 from pathlib import Path
 
+from executive.crl.dictionary import Dictionary
 from executive.crl.errors import DictionaryError
 from mission.codec import Codec, read_toml
 from mission.errors import PluginError
@@ -118,17 +119,28 @@ def _named(name: str) -> Path:
     return Path(found)
 
 
-@lru_cache(maxsize=32)
 def _parse(raw: bytes, path: str) -> RoverProfile:
-    where = f"rover profile {path}"
-    read = PROFILES.from_document(read_toml(raw, where, ProfileError), where)
+    """Return a profile; its dictionary is read each time, as it may change without the profile."""
+    read = _read(raw, path)
     try:
         language = dictionary_file(_beside(path, read.dictionary))
     except DictionaryError as err:
-        raise ProfileError(f"{where}: dictionary is {read.dictionary!r}: {err}") from err
+        raise ProfileError(f"rover profile {path}: dictionary is {read.dictionary!r}: {err}") from err
+    return _whole(raw, path, language)
+
+
+@lru_cache(maxsize=32)
+def _read(raw: bytes, path: str) -> ProfileFile:
+    where = f"rover profile {path}"
+    return PROFILES.from_document(read_toml(raw, where, ProfileError), where)
+
+
+@lru_cache(maxsize=32)
+def _whole(raw: bytes, path: str, language: Dictionary) -> RoverProfile:
+    read = _read(raw, path)
     wrong = contradiction(read, language)
     if wrong:
-        raise ProfileError(f"{where}: dictionary {language.name} {language.version}: {wrong}")
+        raise ProfileError(f"rover profile {path}: dictionary {language.name} {language.version}: {wrong}")
     members = {f.name: getattr(read, f.name) for f in fields(read)}
     return RoverProfile(
         **members,

@@ -269,6 +269,13 @@ def test_metrics_tell_how_large_the_files_of_the_data_folder_are(repo: Repositor
     assert f"outcrop_store_bytes {float(before + 12_345)}" in told
 
 
+def test_a_data_folder_that_was_taken_away_holds_nothing(tmp_path: Path) -> None:
+    size = StoreSize(tmp_path / "gone")
+    size.known()
+    size.wait()
+    assert size.known() == 0
+
+
 # ---- prune
 
 

@@ -195,6 +195,17 @@ def test_a_dictionary_that_contradicts_its_profile_is_one_clear_error(
     assert "dictionary outcrop-rover 1" in str(caught.value)
 
 
+def test_a_dictionary_that_changes_beside_its_profile_is_read_again(tmp_path: Path) -> None:
+    words = (profiles.FOLDER.parent / "dictionaries" / "outcrop-rover.toml").read_text()
+    text = (profiles.FOLDER / "k9.toml").read_text().replace('"outcrop-rover"', '"words.toml"')
+    (tmp_path / "rover.toml").write_text(text)
+    (tmp_path / "words.toml").write_text(words)
+    before = load_profile(tmp_path / "rover.toml")
+    assert load_profile(tmp_path / "rover.toml") is before
+    (tmp_path / "words.toml").write_text(words.replace('name = "outcrop-rover"', 'name = "mine"', 1))
+    assert load_profile(tmp_path / "rover.toml").language.name == "mine"
+
+
 def test_a_profile_that_names_an_unknown_dictionary_lists_the_known_ones(tmp_path: Path) -> None:
     text = (profiles.FOLDER / "k9.toml").read_text().replace('"outcrop-rover"', '"klingon"')
     (tmp_path / "rover.toml").write_text(text)

@@ -37,7 +37,11 @@ class StoreSize:
             self._thread.join()
 
     def _count(self) -> None:
-        self._known = sum(_size(path) for path in self._folder.iterdir() if path.is_dir())
+        try:
+            folders = [path for path in self._folder.iterdir() if path.is_dir()]
+        except FileNotFoundError:  # the data folder was taken away: whoever asks for more is told
+            folders = []
+        self._known = sum(_size(path) for path in folders)
 
 
 def _size(folder: Path) -> int:
