@@ -19,6 +19,8 @@ from rover_iface.errors import CameraError, TrackerError
 from rover_iface.frames import Transform
 from rover_iface.vision.correlation import ncc
 from rover_iface.vision.correlation.ncc import FOUND_AGAIN, NccTracker
+from rover_iface.vision.handoff import Handoff
+from rover_iface.vision.handoff_cascade import Answer
 from rover_iface.vision.narrow import recall
 from rover_iface.vision.narrow.recall import LOST_UPDATES, REFUSED, NarrowRecall
 from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
@@ -351,6 +353,32 @@ def test_a_target_that_is_seen_from_another_side_is_tied_to_another_narrow_pictu
     untied = tracker.update("A", seen)
     assert len(looks) == 2
     assert np.linalg.eigvalsh(untied.covariance)[-1] > np.linalg.eigvalsh(tied.covariance)[-1]
+
+
+@pytest.mark.parametrize(("agreeing", "score", "kept"), [(35, 0.25, False), (80, 0.9, True)])
+def test_an_answer_from_afar_that_the_track_contradicts_is_kept_only_if_it_was_recognised(
+    agreeing: int, score: float, kept: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Patches at borders of shadows that went on have a target 4 cm beside where it is seen."""
+    tracker, point = begun()
+    tracker.narrow = lambda *_: view("pancam", MIDWAY_X, DRIFT)
+    seen, place = view("navcam", MIDWAY_X, DRIFT), DRIFT.apply(point)
+    beside = np.array([0.0, 0.06, 0.0])
+
+    def laid(given: Handoff, *_: object) -> Answer:
+        camera = given.hazcam.view.left_camera
+        pixel = np.asarray(camera.project(place + beside))
+        none = np.empty((0, 2))
+        told = 0.9, Transform.identity(), agreeing, score
+        return Answer(pixel, place + beside, *told, none, none, np.empty((0, 4)))
+
+    monkeypatch.setattr(recall, "cascade", laid)
+    monkeypatch.setattr(recall, "TURNED_RAD", 0.0)
+    tracker.expect("A", place, 0.05**2 * np.eye(3))
+    told = tracker.update("A", seen)
+    assert told.state is TrackState.TRACKED
+    assert (np.linalg.norm(told.position - place) > 0.04) == kept
+    assert len(tracker._memories["A"].known.narrow) == 1 + kept
 
 
 def test_another_spot_than_the_drive_and_the_others_have_is_not_taken() -> None:
