@@ -201,6 +201,12 @@ class HazardMap:
             heights = np.full((2, 2), np.nan)
         return GroundRaster(heights, self.west + c0 * self.cell, self.south + r0 * self.cell, self.cell)
 
+    def away(self, x: float, y: float) -> Array:
+        """Return how far the middle of each cell [rows, columns] is from a point of the map, m."""
+        rows, columns = self.hazard.shape
+        east, north = self.west + self.cell * np.arange(columns), self.south + self.cell * np.arange(rows)
+        return np.asarray(np.hypot(east[None, :] - x, north[:, None] - y))
+
     def at(self, x: float, y: float) -> float:
         """Return the hazard of the cell that holds a point, NaN outside or unknown."""
         c = math.floor((x - self.west) / self.cell + 0.5)

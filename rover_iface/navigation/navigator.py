@@ -16,6 +16,7 @@ first look. `where` and `on_map` lead from one to the other.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -30,6 +31,12 @@ from rover_iface.navigation.registration import Correction
 from rover_iface.profile import RoverProfile
 
 Array = NDArray[np.floating]
+
+KEEP_OFF_M = 0.1
+"""How far round a target whose place is to be kept off the ground is closed: a cell, and less than what lies
+between the rover's nose and a target at its arm's least reach."""
+CLOSED = 2.0
+"""Hazard of such ground: what no wheel climbs, however low it is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +137,9 @@ class Navigator:
         Longest way between two looks; a tracker may ask for less.
     ignore
         Circle (x, y, radius) whose obstacles may be come near to: the tracked target's own rock.
+    keep_off
+        Places (x, y) of the map that the rover drives round however low they are: targets still to be
+        measured. It may leave one that it stands on.
     way
         What the rover came since the look before the last; None where the last did not fit the map.
     """
@@ -139,6 +149,7 @@ class Navigator:
     parameters: NavigatorParameters = field(default_factory=NavigatorParameters)
     step_m: float | None = None
     ignore: tuple[float, float, float] = (0.0, 0.0, -1.0)
+    keep_off: Sequence[tuple[float, float]] = ()
     correction: Correction = field(default_factory=Correction)
     sigma_m: float = 0.0
     way: SeenWay | None = None
@@ -220,17 +231,18 @@ class Navigator:
     def choose(self, pose: Pose, goal: tuple[float, float]) -> Way | None:
         """Return the way to drive next from a pose on the map to a goal on it, or None if none is safe."""
         p = self.parameters
-        field_ = self._cost_field(goal)
+        hazard = self._closed()
+        field_ = self._cost_field(hazard, goal)
         step = self.step_m if self.step_m is not None else self.profile.mobility.step_m
         left = math.hypot(goal[0] - pose.x, goal[1] - pose.y)
         step = min(step, max(left, 0.05))
         candidates = self._candidates(step * p.lookahead, pose, goal)
         body = self.profile.body
         drift = min(0.15, 2.0 * self.sigma_m)
-        stands = np.minimum(self._footing(pose, candidates), self._clear(pose, candidates))
+        stands = np.minimum(self._footing(pose, candidates), self._clear(hazard, pose, candidates))
         for margin in (p.margin_m, (p.margin_m + p.least_margin_m) / 2, p.least_margin_m):
             seen = try_ways(
-                self.map.hazard,
+                hazard,
                 self.map.west,
                 self.map.south,
                 self.map.cell,
@@ -268,16 +280,25 @@ class Navigator:
         """Return whether so many looks in a row showed no way that it is time to give up."""
         return self._stuck >= self.parameters.patience
 
-    def _clear(self, pose: Pose, ways: Array) -> Array:
+    def _closed(self) -> Array:
+        """Return the hazard of the map [rows, columns] with the places to keep off closed."""
+        grid = self.map
+        if not self.keep_off:
+            return grid.hazard
+        hazard = grid.hazard.copy()
+        for x, y in self.keep_off:
+            hazard[grid.away(x, y) <= KEEP_OFF_M] = CLOSED
+        return hazard
+
+    def _clear(self, hazard: Array, pose: Pose, ways: Array) -> Array:
         """Return how far [n], m, the outline keeps clear of what no wheel climbs and of the own rock."""
         grid, body = self.map, self.profile.body
         x, y, radius = self.ignore
-        rows, columns = np.indices(grid.hazard.shape, sparse=True)
-        own = np.hypot(grid.west + columns * grid.cell - x, grid.south + rows * grid.cell - y) <= radius
-        hazard = np.nan_to_num(grid.hazard) * np.where(own, 1.0, grid.parameters.step_share)
+        own = grid.away(x, y) <= radius
+        climbed = np.nan_to_num(hazard) * np.where(own, 1.0, grid.parameters.step_share)
         half = body.length_m / 2, body.width_m / 2
         at = grid.west, grid.south, grid.cell, pose.x, pose.y, pose.heading
-        return try_ways(hazard, *at, ways, *half, self.parameters.least_margin_m, 0.0, *self.ignore)[:, 0]
+        return try_ways(climbed, *at, ways, *half, self.parameters.least_margin_m, 0.0, *self.ignore)[:, 0]
 
     def _footing(self, pose: Pose, ways: Array) -> Array:
         body = self.profile.body
@@ -334,13 +355,12 @@ class Navigator:
                 best = Way(turn, curvature, math.copysign(usable, length))
         return best
 
-    def _cost_field(self, goal: tuple[float, float]) -> Array:
-        """Return the cost to reach the goal over the map, on cells of `coarse_m`; closed cells cost, not
+    def _cost_field(self, hazard: Array, goal: tuple[float, float]) -> Array:
+        """Return the cost to reach the goal over hazards, on cells of `coarse_m`; closed cells cost, not
         forbid.
         """
         p = self.parameters
         factor = max(1, round(p.coarse_m / self.map.cell))
-        hazard = self.map.hazard
         rows, columns = (n // factor for n in hazard.shape)
         block = hazard[: rows * factor, : columns * factor].reshape(rows, factor, columns, factor)
         known = ~np.isnan(block)

@@ -339,7 +339,38 @@ def test_the_tracked_targets_own_rock_is_not_driven_over_though_wheels_would_cli
     navigator.ignore = (1.6, 0.0, 0.6)
     ahead = np.array([[0.0, 0.0, 2.0]])
     assert navigator._footing(Pose(0, 0), ahead)[0] > 1.5
-    assert navigator._clear(Pose(0, 0), ahead)[0] < 0.85  # its nose at the rock
+    assert navigator._clear(navigator.map.hazard, Pose(0, 0), ahead)[0] < 0.85  # its nose at the rock
+
+
+def test_a_target_that_lies_flat_on_the_way_is_driven_round() -> None:
+    """Day 728380: the rover crossed the slab that it was to measure to come to its stand behind it."""
+    ground, sensor, rng = GroundRaster.of(plane(), 9.0), StereoSensor(K9), np.random.default_rng(1)
+    target, goal, here = (2.0, 0.1), (4.0, 0.0), Pose(0.0, 0.0)
+    navigator = Navigator.fresh(K9, (0.0, 0.0), goal)
+    navigator.ignore, navigator.keep_off = (*target, 0.45), [target]
+    clearance = []
+    for _ in range(20):
+        navigator.look(sensor.look(ground, here, rng, around=not navigator.map.updates), sensor.eye, here)
+        way = navigator.choose(here, goal)
+        assert way is not None
+        for share in np.linspace(0.0, 1.0, 20):
+            x, y, heading = end_of(here, way.turn_rad, way.curvature_1_m, share * way.length_m)
+            ahead = np.exp(-1j * heading) * complex(target[0] - x, target[1] - y)
+            nose_m, side_m = abs(ahead.real) - K9.body.length_m / 2, abs(ahead.imag) - K9.body.width_m / 2
+            clearance.append(max(nose_m, side_m))
+        here = Pose(x, y, heading=heading)
+        if math.hypot(here.x - goal[0], here.y) < 0.25:
+            break
+    assert math.hypot(here.x - goal[0], here.y) < 0.25
+    assert min(clearance) > 0.0
+
+
+def test_a_rover_that_stands_on_a_target_may_leave_it() -> None:
+    navigator = Navigator(K9, looked(GroundRaster.of(plane(), 9.0), Pose(0.0, 0.0)))
+    navigator.keep_off = [(0.2, 0.1)]
+    way = navigator.choose(Pose(0.0, 0.0), (3.0, 0.0))
+    assert way is not None
+    assert abs(way.length_m) > 0.3
 
 
 def test_where_no_way_is_safe_only_a_turn_that_touches_nothing_is_made() -> None:
