@@ -186,15 +186,15 @@ def find_draped(
     patch: PointMatch,
     search_px: int,
     context_px: int,
-) -> tuple[Array, float] | None:
+) -> tuple[Array, float, Array] | None:
     """Return the pixel [2] at which the pair's left image shows what the other camera has at `source_px` [2],
-    and its correlation.
+    its correlation, and the covariance [2, 2], px^2, of the alignment, NaN where it could not be aligned.
 
     `image` [rows, columns] is the other `camera`'s. It is draped over the plane of `patch`, in the frame of
     the pair. None where either sees the plane too flat or its image does not hold the template.
     """
-    pixels, scores = find_many(image, camera, source_px[None], scene, [patch], search_px, context_px)
-    return (pixels[0], float(scores[0])) if scores[0] > -1.5 else None
+    pixels, scores, spreads = find_many(image, camera, source_px[None], scene, [patch], search_px, context_px)
+    return (pixels[0], float(scores[0]), spreads[0]) if scores[0] > -1.5 else None
 
 
 def find_many(
@@ -205,8 +205,9 @@ def find_many(
     patches: Sequence[PointMatch],
     search_px: int,
     context_px: int,
-) -> tuple[Array, Array]:
-    """Return what `find_draped` does of n patches: pixels [n, 2], and correlations [n], -2 where it has none.
+) -> tuple[Array, Array, Array]:
+    """Return what `find_draped` does of n patches: pixels [n, 2], correlations [n], -2 where it has none, and
+    covariances [n, 2, 2], px^2.
 
     `source_px` is [n, 2].
     """
@@ -214,6 +215,7 @@ def find_many(
 
     seen = scene.left_camera
     pixels, scores = np.full((len(patches), 2), np.nan), np.full(len(patches), -2.0)
+    spreads = np.full((len(patches), 2, 2), np.nan)
     drape_kernels.find_patches_of(
         image,
         camera.packed,
@@ -232,8 +234,9 @@ def find_many(
         MOST_PX,
         pixels,
         scores,
+        spreads,
     )
-    return pixels, scores
+    return pixels, scores, spreads
 
 
 def on_plane(camera: CameraModel, pixel: Array, patch: PointMatch) -> Array | None:
@@ -293,7 +296,9 @@ def _pass(
     expected = standing.project(np.array([patch.point for patch in patches]).reshape(-1, 3))
     held = np.flatnonzero(np.isfinite(expected).all(axis=1))
     shown = [patches[n] for n in held]
-    pixels, scores = find_many(image, standing, expected[held], scene, shown, search_px, options.context_px)
+    pixels, scores, _ = find_many(
+        image, standing, expected[held], scene, shown, search_px, options.context_px
+    )
     matches, sources, places, points = [], [], [], []
     for k in np.flatnonzero(scores >= options.least_score):
         point = on_plane(scene.left_camera, pixels[k], shown[k])

@@ -41,6 +41,7 @@ def find_patches_of(
     most_px: float,
     pixels: Array,
     scores: Array,
+    spreads: Array,
 ) -> None:
     """Fill where one picture shows what another has at places of known planes, and their correlation.
 
@@ -84,12 +85,15 @@ def find_patches_of(
             continue
         at, spread = np.array([found[0], found[1]]), np.empty((2, 2))
         score = align_shape(scene, template, at, half, shape_sd, most_px, spread)
-        if score < -1.0:
+        aligned = score >= -1.0
+        if not aligned:
             at[0], at[1] = found[0], found[1]
             score = correlation(scene, template, at[0], at[1], half)
         if max(abs(at[0] - x), abs(at[1] - y)) <= search_px + 1.0:
             pixels[n, 0], pixels[n, 1] = at[0], at[1]
             scores[n] = score
+            if aligned:
+                spreads[n] = spread
 
 
 @njit(cache=True, nogil=True)
