@@ -98,7 +98,7 @@ class ArmPlacing(Placing):
         TrackerError, RenderError, CameraError, PlacementError
             See `_attempt` and `BaseMoves.to`; the first refusal of the hand-off, if the last view has one.
         """
-        stand = self.driving.stand(followed.target.id)
+        stand = self.driving.stands.of(followed.target.id)
         if stand is not None and not self.eyes.sees(followed):
             yield from self.moves.to(followed, stand)
         views_left = MOVES

@@ -58,7 +58,7 @@ class BaseMoves:
 
         Returns whether it moved; raises as `to` does.
         """
-        stand = self.driving.stand(followed.target.id) if first else None
+        stand = self.driving.stands.of(followed.target.id) if first else None
         if stand is not None and (yield from self.to(followed, stand)):
             return True
         for pose in (yield from self._by_the_ground(followed)):

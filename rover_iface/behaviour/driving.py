@@ -15,6 +15,7 @@ from rover_iface.behaviour.hardware import Hardware
 from rover_iface.behaviour.motion_watch import MotionWatch
 from rover_iface.behaviour.products import png
 from rover_iface.behaviour.sight import Sight
+from rover_iface.behaviour.stands import Stands
 from rover_iface.cameras.model import Array
 from rover_iface.frames import Pose, wrap_angle
 from rover_iface.navigation.navigator import Navigator, Progress, Way
@@ -39,6 +40,9 @@ LOOKS, LOOKS_PER_M = 12, 1.0
 """Looks that bring a drive no nearer to its goal before it is given up, and how many more for each metre that
 was left at best. Of 318 drives that arrived 315 needed 12 at most; with 5 a metre 16 others went on for an
 hour, and ten days of a hundred ended before their plan did (`docs/results/predicted-days.md`)."""
+SOON = 3
+"""Looks that bring a drive no nearer after which a stand that turns out to be closed is given up: while it gets
+nearer it may yet arrive beside it."""
 RETRACES, RETRACE_M, TRAIL = 3, 0.5, 40
 """How often a rover that sees no safe path goes back in its own tracks, how far each time, and how many of
 its last stops it remembers."""
@@ -55,6 +59,7 @@ class Driving:
         self._watch = MotionWatch()
         self._retreats = 0
         self._trail: deque[Pose] = deque(maxlen=TRAIL)
+        self.stands = Stands(hardware, sight, follower)
 
     def turn(self, command: Command) -> Action:
         """Carry out `turn`."""
@@ -65,15 +70,6 @@ class Driving:
         before = self.hardware.drawn_j
         reason = yield from self._go(Way(angle, 0.0, 0.0))
         return Outcome(not reason, reason, {"energy_j": self.hardware.drawn_j - before})
-
-    def stand(self, name: str) -> Pose | None:
-        """Return a target's stand in the believed frame, laid out from where the target is believed to be."""
-        target = self.follower.targets[name]
-        if target.observation_point is None:
-            return None
-        by = np.asarray(self.follower.position(name)[:2], dtype=float) - np.array(target.point[:2])
-        stand = target.observation_point
-        return Pose(stand.x + float(by[0]), stand.y + float(by[1]), heading=stand.heading)
 
     def face(self, point: Array) -> Generator[Step, None, str]:
         """Turn in place as far as it takes for the mast to look at a believed point (3,), site frame, m.
@@ -150,7 +146,9 @@ class Driving:
         goal, heading = self._goal(command, name)
         self._navigator = None
         self._watch = MotionWatch()
-        progress, looks = Progress(NEAR_M, far_patience=LOOKS, looks_per_m=LOOKS_PER_M), 0
+        self.stands.begin()
+        stood = "" if number(command, "standoff_m", 0.0) > 0.0 else name
+        progress, looks = _patience(), 0
         retraces = 0
         self._retreats = 0
         nearest_m = math.inf
@@ -166,7 +164,12 @@ class Driving:
                 reason = ""
                 break
             nearest_m = min(nearest_m, left)
-            if progress.stalled(left):
+            stalled = progress.stalled(left)
+            shut_out = left > SHUT_OUT_M and (stalled or (progress.waited >= SOON and self._closed(stood)))
+            if stood and shut_out and (yield from self._stand_elsewhere(stood)):
+                progress, nearest_m = _patience(), math.inf
+                continue
+            if stalled:
                 reason = (
                     "" if left <= SHUT_OUT_M else f"no nearer than {progress.nearest_m:.2f} m to the goal"
                 )
@@ -213,6 +216,14 @@ class Driving:
             "error_m": math.hypot(goal[0] - here.x, goal[1] - here.y),
         }
         return Outcome(not reason, reason, values)
+
+    def _closed(self, name: str) -> bool:
+        """Return whether the ground seen by now forbids the stand of a target, if it is named."""
+        return bool(name) and self._navigator is not None and self.stands.closed(name, self._navigator)
+
+    def _stand_elsewhere(self, name: str) -> Generator[Step, None, bool]:
+        """Choose another stand for a target; return whether there is one."""
+        return self._navigator is not None and (yield from self.stands.choose(name, self._navigator))
 
     def _look_at_targets(self) -> Generator[Step, None, None]:
         """Look at the targets; a rover that was found elsewhere forgets what it has made of the ground."""
@@ -307,7 +318,7 @@ class Driving:
             share = max(0.0, 1.0 - standoff / away) if away > 0 else 0.0
             return (here.x + share * (x - here.x), here.y + share * (y - here.y)), wanted
         now = np.asarray(self.follower.position(name)[:2], dtype=float)
-        stand = self.stand(name)
+        stand = self.stands.of(name)
         if stand is None or standoff > 0:
             away = math.hypot(now[0] - here.x, now[1] - here.y)
             reach = standoff if standoff > 0 else 0.9
@@ -333,3 +344,7 @@ class Driving:
         if self._watch.rows:
             label = {"frame": "rover", "rows": len(self._watch.rows), "slipped": self._watch.slipped}
             self.hardware.write_product(command, "visualodometry", self._watch.table(), ".json", label)
+
+
+def _patience() -> Progress:
+    return Progress(NEAR_M, far_patience=LOOKS, looks_per_m=LOOKS_PER_M)

@@ -107,7 +107,7 @@ class Progress:
     Far from the goal a way round may lead away from it for long, so only within `near_m` of it do `patience`
     looks without a gain of 10 cm end a drive; farther off it takes `far_patience` and `looks_per_m` more for
     each metre that was left at best, without which a rover shut in by rocks wanders until it has used up its
-    looks.
+    looks. `waited` counts the looks since the last gain.
     """
 
     near_m: float
@@ -115,16 +115,16 @@ class Progress:
     far_patience: int = 150
     looks_per_m: float = 0.0
     nearest_m: float = math.inf
-    _since: int = 0
+    waited: int = 0
 
     def stalled(self, left_m: float) -> bool:
         """Return whether this look, `left_m` from the goal, is one too many."""
         if left_m < self.nearest_m - 0.1:
-            self.nearest_m, self._since = left_m, 0
+            self.nearest_m, self.waited = left_m, 0
             return False
-        self._since += 1
+        self.waited += 1
         far_patience = self.far_patience + self.looks_per_m * self.nearest_m
-        return self._since >= (self.patience if left_m <= self.near_m else far_patience)
+        return self.waited >= (self.patience if left_m <= self.near_m else far_patience)
 
 
 @dataclass
@@ -279,6 +279,16 @@ class Navigator:
     def given_up(self) -> bool:
         """Return whether so many looks in a row showed no way that it is time to give up."""
         return self._stuck >= self.parameters.patience
+
+    def closed(self, pose: Pose) -> bool:
+        """Return whether a rover at a pose on the map would stand on an obstacle other than its own rock."""
+        grid, body = self.map, self.profile.body
+        x, y, radius = self.ignore
+        rows, columns = np.nonzero((grid.hazard >= 1.0) & (grid.away(x, y) > radius))
+        off = grid.west + columns * grid.cell - pose.x + 1j * (grid.south + rows * grid.cell - pose.y)
+        off = off * np.exp(-1j * pose.heading)
+        under = (np.abs(off.real) <= body.length_m / 2) & (np.abs(off.imag) <= body.width_m / 2)
+        return bool(under.any())
 
     def _closed(self) -> Array:
         """Return the hazard of the map [rows, columns] with the places to keep off closed."""

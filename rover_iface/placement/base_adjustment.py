@@ -49,6 +49,12 @@ def base_move(
     return stands if isinstance(stands, str) else _move(min(stands, key=_cost))
 
 
+def stands_near(cloud: SurfaceCloud, profile: RoverProfile, point: Array, normal: Array | None) -> list[Pose]:
+    """Return the stands from which the arm reaches `point`, by the way to them, as `base_move` has them."""
+    stands = _stands(cloud, profile, point, normal)
+    return [] if isinstance(stands, str) else [stand.pose for stand in sorted(stands, key=_cost)]
+
+
 def mast_eye(profile: RoverProfile) -> Array:
     """Return where (3,), m, rover frame, the mast's cameras look from."""
     return np.array((*profile.mast.base_m[:2], profile.mast.height_m))

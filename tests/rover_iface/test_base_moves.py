@@ -32,7 +32,7 @@ class Bench:
         self.believed = Pose(0.0, 0.0)
         self.drawn_j, self.spent = 0.0, dict[str, float]()
         self.stood, self.trouble, self.keeps_products = stand, trouble, False
-        self.sight = self
+        self.sight = self.stands = self
         self.follower: Any = SimpleNamespace(
             targets={"T": None}, in_sight=lambda name: self.followed, forget=lambda name: None
         )
@@ -64,7 +64,7 @@ class Bench:
             raise PlacementError(f"target {target} is out of reach")
         return Contact(True, "", np.asarray(point, dtype=float))
 
-    def stand(self, name: str) -> Pose | None:
+    def of(self, name: str) -> Pose | None:
         return self.stood
 
     def shift(self, pose: Pose) -> Generator[Step, None, str]:
@@ -143,7 +143,7 @@ def test_the_rover_goes_where_the_arm_serves_the_face_that_was_designated(
         def look(self, *, around: bool) -> list[object]:
             return [np.zeros((1, 3))]
 
-        def stand(self, name: str) -> Pose | None:
+        def of(self, name: str) -> Pose | None:
             return None
 
     monkeypatch.setattr(base_moves, "base_move", move)

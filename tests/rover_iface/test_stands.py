@@ -1,0 +1,118 @@
+"""A rover that finds its stand closed by what the map did not show stands elsewhere."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from executive.ports import Command, CommandId
+from rover_iface.behaviour.action import Outcome, Step
+from rover_iface.behaviour.driving import ARRIVED_M, Driving
+from rover_iface.behaviour.hardware import Drive
+from rover_iface.frames import Pose
+from rover_iface.navigation.navigator import Way, end_of
+from rover_iface.navigation.sensor import GroundRaster, StereoSensor
+from rover_iface.profile import load_profile
+from rover_iface.telemetry import TrackState
+from tests.rover_iface.worlds import bumpy
+
+K9 = load_profile("k9")
+TARGET = np.array([4.0, 0.0, 0.3])
+PLANNED = Pose(3.15, 0.0, heading=0.0)
+COMMAND = Command(CommandId("run", "navigate-T1", 1), "navigate", {"target": "T1", "mode": "avoid"}, {})
+
+
+class Ground:
+    """A rover without pictures that goes where it is told, and sees the ground as its stereo cameras do."""
+
+    def __init__(self, rise: Callable[[Any, Any], Any]) -> None:
+        self.profile = K9
+        self.raster = GroundRaster.of(bumpy(rise), 9.0)
+        self.sensor, self.rng = StereoSensor(K9), np.random.default_rng(1)
+        self.believed, self.eye = Pose(0.0, 0.0), self.sensor.eye
+        self.drawn_j, self.travelled_m, self.keeps_products = 0.0, 0.0, False
+        self.report = self.write_product = self.write_log = lambda *_: None
+        target = SimpleNamespace(
+            id="T1", point=tuple(TARGET), normal=(-0.6, 0.0, 0.8), observation_point=PLANNED, kind="rock"
+        )
+        self.follower: Any = SimpleNamespace(
+            targets={"T1": target},
+            alive=list,
+            position=lambda _name: TARGET,
+            state=lambda _name: TrackState.TRACKED,
+            leave_refused=self.report,
+            set_ranges=self.report,
+            write_views=self.report,
+            came=self.report,
+            update_all=lambda: iter(()),
+        )
+
+    def spend(self, _activity: str, _share: float = 1.0) -> Generator[Step, None, float]:
+        yield Step(1, 0.0)
+        return 0.0
+
+    def drive(self, way: Way) -> Generator[Step, None, Drive]:
+        yield Step(1, 0.0)
+        x, y, heading = end_of(self.believed, way.turn_rad, way.curvature_1_m, way.length_m)
+        self.believed = Pose(x, y, heading=heading)
+        self.travelled_m += abs(way.length_m)
+        return Drive()
+
+    def cost(self, *, around: bool) -> float:
+        return 1.0
+
+    def look(self, *, around: bool) -> Any:
+        return self.sensor.look(self.raster, self.believed, self.rng, around=around)
+
+    def ahead(self) -> None:
+        return None
+
+
+def rock(x: float, y: float, at: tuple[float, float], radius_m: float) -> Any:
+    return np.where(np.hypot(x - at[0], y - at[1]) < radius_m, 0.3, 0.0)
+
+
+def on_the_stand(x: Any, y: Any) -> Any:
+    return np.maximum(rock(x, y, (4.0, 0.0), 0.2), rock(x, y, (2.7, 0.0), 0.6))
+
+
+def driven(ground: Ground) -> tuple[Outcome, Driving]:
+    hardware: Any = ground
+    driving = Driving(hardware, hardware, ground.follower)
+    action = driving.navigate(COMMAND)
+    while True:
+        try:
+            next(action)
+        except StopIteration as stop:
+            outcome: Outcome = stop.value
+            return outcome, driving
+
+
+def test_a_stand_on_a_rock_that_no_map_showed_is_exchanged_for_another() -> None:
+    ground = Ground(on_the_stand)
+    outcome, driving = driven(ground)
+    assert outcome.success, outcome.reason
+    stand, here = driving.stands.of("T1"), ground.believed
+    assert stand is not None
+    assert math.hypot(stand.x - PLANNED.x, stand.y - PLANNED.y) > 0.3
+    assert math.hypot(stand.x - here.x, stand.y - here.y) <= ARRIVED_M
+    ahead = math.atan2(TARGET[1] - here.y, TARGET[0] - here.x)
+    assert abs(math.remainder(ahead - here.heading, math.tau)) < math.radians(40)
+
+
+def test_a_stand_that_is_free_is_kept() -> None:
+    outcome, driving = driven(Ground(lambda x, y: rock(x, y, (4.0, 0.0), 0.2)))
+    assert outcome.success, outcome.reason
+    assert driving.stands.of("T1") == PLANNED
+
+
+def test_without_another_stand_the_drive_says_how_near_it_came(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rover_iface.behaviour.stands.stands_near", lambda *_: [])
+    outcome, _ = driven(Ground(on_the_stand))
+    assert not outcome.success
+    assert outcome.reason.startswith("no nearer than")
