@@ -41,8 +41,8 @@ LOOKS, LOOKS_PER_M = 12, 1.0
 was left at best. Of 318 drives that arrived 315 needed 12 at most; with 5 a metre 16 others went on for an
 hour, and ten days of a hundred ended before their plan did (`docs/results/predicted-days.md`)."""
 SOON = 3
-"""Looks that bring a drive no nearer after which a stand that turns out to be closed is given up: while it gets
-nearer it may yet arrive beside it."""
+"""Looks that bring a drive no nearer after which a stand that proves closed is given up: one that still gets
+nearer may yet arrive beside it."""
 RETRACES, RETRACE_M, TRAIL = 3, 0.5, 40
 """How often a rover that sees no safe path goes back in its own tracks, how far each time, and how many of
 its last stops it remembers."""
