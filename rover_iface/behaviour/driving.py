@@ -290,9 +290,8 @@ class Driving:
         if name:
             x, y = self.follower.position(name)[:2]
             navigator.ignore = (*navigator.on_map(float(x), float(y)), 0.45)
-        navigator.keep_off = [
-            navigator.on_map(*followed.update.position[:2].tolist()) for followed in self.follower.alive()
-        ]
+        places = [followed.update.position for followed in self.follower.followed.values()]
+        navigator.keep_off = [navigator.on_map(float(x), float(y)) for x, y, _ in places]
         pose = navigator.where(here)
         way = navigator.choose(pose, navigator.on_map(*goal))
         return navigator.look_aside(pose) if way is None and not navigator.given_up else way

@@ -43,6 +43,7 @@ class Ground:
         self.follower: Any = SimpleNamespace(
             targets={"T1": target},
             alive=list,
+            followed={},
             position=lambda _name: TARGET,
             state=lambda _name: TrackState.TRACKED,
             leave_refused=self.report,
