@@ -1,6 +1,7 @@
 """Why-not against brute force over all orders.
 
     python -m studies.planner_why_not [--questions 300] [--targets 5 6] [--seed S] [--seconds T] [--resume]
+    python -m studies.planner_why_not --targets 5 6 --seed S --days 17 42
 
 Random days whose budgets hold a part of what is asked. For each observation that the best plan without
 branches leaves out, the plan of `why_not` that attempts it is compared with the best of all orders that hold
@@ -11,7 +12,8 @@ which values without sampling are exact, as leads of some orders hardly change o
 
 All orders are ranked in drawn futures by a count written from the definition (`all_orders`), which shares no
 code with why-not, and the best are valued by the evaluator. Each day has draws of its own; results are
-written after each, and a run that was ended goes on with `--resume`.
+written after each, and a run that was ended goes on with `--resume`. With `--days` these alone are asked
+about, and nothing is written.
 """
 
 from __future__ import annotations
@@ -46,6 +48,8 @@ FINAL, BEHIND = 24, 0.015
 """How many of the best are valued again, and the share of the value behind which none is: four times as much
 as differences are off by.
 """
+ASKED = 1e-3
+"""How far behind the best order a forced plan may be, as a share of the value."""
 CLOSE, TIE = 1.01, 2e-3
 """How far a factor may be off, and the share of a value that is not told apart: 0.1 % is asked of a lead."""
 WANTED_S = 0.3
@@ -130,8 +134,9 @@ class Found:
     late: int = 0
     missed: list[str] = field(default_factory=list)
 
-    def ask(self, problem: Problem) -> None:
+    def ask(self, number: int) -> None:
         """Ask about each observation of a day that its best order leaves out."""
+        problem = drawn(self.seed, number, self.targets)
         ranked = orders(problem)
         plan = visits(problem, *max(ranked, key=lambda order: ranked[order]))
         fine, left = Evaluator(Model.of(problem)), planned_observations(plan)
@@ -144,16 +149,18 @@ class Found:
             if not found.forced:
                 continue
             self.used.append(round(took, 4))
-            self.answers.append(f"day {self.days}, {o.id}: {found.reason}")
+            self.answers.append(f"day {number}, {o.id}: {found.reason}")
             best = best_of(problem, ranked, str(o.id))
             scale = max(best_of(problem, ranked, None), abs(best))
             self.short.append((best - fine.value(found.forced).value) / scale)
+            if self.short[-1] > ASKED:
+                self.missed.append(f"day {number}, {o.id} forced: {self.short[-1]:.3%} short")
             for relaxation in found.relaxations:
                 self.told += 1
                 self.unverified += o.id not in planned_observations(relaxation.plan)
-                self._judge(problem, o, relaxation.what, relaxation.factor)
+                self._judge(f"day {number}", problem, o, relaxation.what, relaxation.factor)
 
-    def _judge(self, problem: Problem, o: Observation, kind: str, factor: float) -> None:
+    def _judge(self, name: str, problem: Problem, o: Observation, kind: str, factor: float) -> None:
         """Count a relaxation that comes too early or too late."""
         over = lead(problem, o, kind, factor * CLOSE)
         if over < -TIE:  # something else may come in just above
@@ -162,10 +169,10 @@ class Found:
         self.early += over < -TIE
         self.late += under > TIE
         if over < -TIE or under > TIE:
-            self.missed.append(f"day {self.days}, {o.id} {kind} {factor}: {under:+.4f} {over:+.4f}")
+            self.missed.append(f"{name}, {o.id} {kind} {factor}: {under:+.4f} {over:+.4f}")
 
     def __str__(self) -> str:
-        within, soon = sum(value <= 0.001 for value in self.short), sum(s <= WANTED_S for s in self.used)
+        within, soon = sum(value <= ASKED for value in self.short), sum(s <= WANTED_S for s in self.used)
         targets, dearest = " to ".join(map(str, self.targets)), int(np.argmax(self.used))
         return "\n  ".join(
             [
@@ -195,6 +202,7 @@ def main() -> None:
     parser.add_argument("--targets", type=int, nargs="+", default=[5, 6], help="the least and the most")
     parser.add_argument("--seed", type=int, default=None, help="fresh from the clock when absent")
     parser.add_argument("--seconds", type=float, default=1e9, help="ends after so many by the clock")
+    parser.add_argument("--days", type=int, nargs="+", default=[], help="these alone, by number")
     parser.add_argument("--resume", action="store_true", help="go on where the results stopped")
     parser.add_argument("--results", type=Path, default=Path("studies/results/planner_why_not.json"))
     options = parser.parse_args()
@@ -206,9 +214,14 @@ def main() -> None:
             parser.error(f"the results are of --targets {found.targets}, not of {options.targets}")
     print(f"seed {found.seed}, from day {found.days} on", flush=True)
     load_kernels()
+    for number in options.days:
+        found.ask(number)
     began = time.monotonic()
+    if options.days:
+        print(found if found.short else "no questions there", *found.answers, sep="\n  ")
+        return
     while len(found.short) < options.questions and time.monotonic() - began < options.seconds:
-        found.ask(drawn(found.seed, found.days, found.targets))
+        found.ask(found.days)
         found.days += 1
         options.results.write_text(json.dumps(asdict(found), indent=1) + "\n", encoding="utf-8")
         print(f"day {found.days}: {len(found.short)} questions, {len(found.missed)} missed", flush=True)

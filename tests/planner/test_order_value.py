@@ -64,9 +64,18 @@ def test_the_best_order_is_that_of_the_evaluator_though_few_are_asked_of_its_gri
     most = max(exact[order] for order in orders)
     assert exact[best] >= most - 1e-3 * abs(most)
     assert quick[best] == pytest.approx(exact[best], rel=1e-3)
-    poor = quick.poor(orders, most - 0.02 * abs(most))
-    assert poor
-    assert all(exact[order] < most - 0.01 * abs(most) for order in poor)
+    behind = [order for order in orders if quick.behind(order, best) > 0.02]
+    assert behind
+    assert all(exact[order] < most - 0.01 * abs(most) for order in behind)
+
+
+def test_larger_grids_are_asked_of_no_order_that_is_surely_behind_nor_of_ends_that_no_day_comes_to() -> None:
+    model = Model.of(day(np.random.default_rng(2), least=6, most=6))
+    values = OrderValues(model, quick=True)
+    assert not values._may_be_better((9.0, 9.1), (10.0, 10.3))  # may be 0.2 more at most
+    assert values._may_be_better((9.9, 9.8), (10.0, 10.3))  # grids say otherwise of either
+    assert not values._may_be_better((10.0, 9.9), (10.00001, 9.90001))
+    assert values._may_be_better((9.99, 9.8), (10.0, 9.9))
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -9,6 +9,7 @@ import numpy as np
 from planner.constraints.registry import columns_of
 from planner.contingency.order_in_futures import Order
 from planner.contingency.why_not.limits import WINDOW, widened
+from planner.contingency.why_not.order_value import OrderValues
 from planner.contingency.why_not.orders_by_budget import (
     AHEAD,
     IN_WINDOW,
@@ -16,7 +17,7 @@ from planner.contingency.why_not.orders_by_budget import (
     OrdersByBudget,
     Widened,
 )
-from planner.contingency.why_not.question import NEAR, Question, alike
+from planner.contingency.why_not.question import NEAR, Question, alike, nearest
 from planner.evaluate.model import Floats
 
 SAME = 4
@@ -51,8 +52,10 @@ class Contest(Protocol):
     def pair(self, at: int) -> Sides:
         """Return the orders that may be the best of each side there."""
 
-    def seldom(self, order: Order, at: int) -> bool:
-        """Return whether an order makes the observation hardly more often than counts."""
+    def seldom(self, order: Order, at: int, values: OrderValues) -> bool:
+        """Return whether an order makes the observation too seldom to count, by `values` there where futures
+        leave that open; what they tell is put right then.
+        """
 
 
 class BudgetContest:
@@ -103,7 +106,7 @@ class BudgetContest:
         orders, closer = self.question.orders, self.question.closer
         before = len(closer.number)
         for holds in (True, False):
-            closer.look_at(order for _, order in orders.best(self.how, at, holds=holds, most=NEAR))
+            closer.look_at(nearest(orders, self.how, at, holds=holds))
         return len(closer.number) > before
 
     def lead(self, at: int) -> float:
@@ -115,9 +118,9 @@ class BudgetContest:
         one, other = (alike(self.question.closer, self.how, at, holds=holds) for holds in (True, False))
         return one, other
 
-    def seldom(self, order: Order, at: int) -> bool:
-        """Return whether the chance in more futures is too small to be sure."""
-        return self.question.closer.chance(order, self.how, at) < SELDOM
+    def seldom(self, order: Order, at: int, values: OrderValues) -> bool:
+        """Return whether it is made too seldom there."""
+        return _too_seldom(order, self.question.closer, self.how, at, values)
 
 
 class WindowContest:
@@ -222,6 +225,14 @@ class WindowContest:
         wide.look_at(self._likeliest(at))
         return alike(wide, self.how, at, holds=True), alike(self.question.closer, self.how, at, holds=False)
 
-    def seldom(self, order: Order, at: int) -> bool:
-        """Return whether the chance in more futures is too small to be sure."""
-        return self._window(at, closer=True).chance(order, self.how, at) < SELDOM
+    def seldom(self, order: Order, at: int, values: OrderValues) -> bool:
+        """Return whether it is made too seldom in the window there."""
+        return _too_seldom(order, self._window(at, closer=True), self.how, at, values)
+
+
+def _too_seldom(order: Order, told: OrdersByBudget, how: Widened, at: int, values: OrderValues) -> bool:
+    if told.chance(order, how, at) >= SELDOM:
+        return False
+    chance = values.chance(order, told.asked)
+    told.put_right(order, how, at, chance)
+    return chance < LEAST_CHANCE

@@ -43,6 +43,13 @@ the evaluator's finer grid is asked. About half of it is left after the extrapol
 (seed 442739731) quick values alone were off by 1 %.
 """
 
+SAME_ENDS = 1e-5
+"""Share of a value within which two orders are worth the same and grids are off by the same: they differ in
+what hardly any day comes to.
+"""
+
+HALF = 0.5
+"""Share of what the quick grids may be off that is left after the extrapolation."""
 
 Kinds = list[tuple[float, Costs, World, Floats]]
 """Chance, costs, world and windows of each kind of sol."""
@@ -71,16 +78,40 @@ class OrderValues:
 
     def best(self, orders: Iterable[Order]) -> Order:
         """Return the best of orders. Larger grids are asked of those only that may be, as far as the smaller
-        ones are off.
+        ones are off, and not where these leave one alone.
         """
         rough = {order: self._rough(order) for order in orders}
-        least = max(value - abs(value - fine) for value, fine in rough.values())
-        near = [order for order, (value, fine) in rough.items() if value + abs(value - fine) >= least]
-        return max(near, key=lambda order: self[order])
+        ranked = sorted(rough, key=lambda order: -rough[order][0])
+        best = ranked[0]
+        for order in ranked[1:]:
+            if self._may_be_better(rough[order], rough[best]) and self[order] > self[best]:
+                best = order
+        return best
 
-    def poor(self, orders: Iterable[Order], most: float) -> list[Order]:
-        """Return those of orders that are worth less than so much, where `best` has not shown better."""
-        return [order for order in orders if self._known.get(order, self._rough(order)[0]) < most]
+    @staticmethod
+    def _may_be_better(one: tuple[float, float], other: tuple[float, float]) -> bool:
+        """Return whether larger grids may put one order before another, by what smaller ones tell of both.
+
+        Grids are off by nearly the same for orders whose ends alone differ.
+        """
+        apart = abs((one[0] - one[1]) - (other[0] - other[1]))
+        if apart <= SAME_ENDS * abs(other[0]) and abs(one[0] - other[0]) <= SAME_ENDS * abs(other[0]):
+            return one[0] > other[0]
+        return one[0] + max(apart, HALF * abs(one[0] - one[1])) >= other[0]
+
+    def off(self, order: Order) -> float:
+        """Return by how much the smaller grids may be off for an order; 0 where larger ones were asked."""
+        value, fine = self._rough(order)
+        return 0.0 if order in self._known else abs(value - fine)
+
+    def roughly(self, order: Order) -> float:
+        """Return the value as smaller grids tell it, where larger ones were not asked."""
+        return self._known.get(order, self._rough(order)[0])
+
+    def behind(self, order: Order, best: Order) -> float:
+        """Return by what share of its value an order is behind a better one, as far as grids tell."""
+        one, other = self.roughly(order), self.roughly(best)
+        return (other - one - HALF * max(self.off(order), self.off(best))) / max(abs(other), 1e-9)
 
     def chance(self, order: Order, asked: int) -> float:
         """Return the chance that an order makes an observation."""

@@ -42,6 +42,11 @@ LEAST_CHANCE = 0.01
 AHEAD = 1e-3
 """Share of its value by which an order must be better: as exact as values are, and less matters to nobody."""
 
+BEYOND = 40
+"""Numbers of factors, a tenth more of the budgets, by which orders are told apart that earn the same: what a
+rare day comes to with these budgets, a usual one does with more.
+"""
+
 STARTS, IN_WINDOW = 5, 3
 """Orders of each side that a search begins from, no two with the same first observation: the best of all
 alike ended on one hill. With three one of 24 relaxations at eight targets (seed 442739731) came too early, as
@@ -91,11 +96,16 @@ class OrdersByBudget:
     that it makes the observation asked for, likewise.
     """
 
-    def __init__(self, model: Model, asked: int, widest: float, futures: TabledFutures) -> None:
+    def __init__(
+        self, model: Model, asked: int, widest: float, futures: TabledFutures, *, doubt: float = 1.0
+    ) -> None:
         """`model` has the budgets that factor 1 stands for, but `widest` times the downlink volume: no order
-        is left out for it. `asked` is the observation in question and `widest` the largest factor.
+        is left out for it. `asked` is the observation in question and `widest` the largest factor. Chances
+        to make it are taken as `doubt` times what futures tell, until they are put right.
         """
         self.model, self.asked, self.futures, self.widest = model, asked, futures, widest
+        self.doubt = doubt
+        self._right: dict[Order, float] = {}
         self.factors = np.geomspace(1.0, widest, 1 + math.ceil(math.log(widest) / math.log(STEP)))
         budget = model.problem.budget
         limits = max(budget.time_s, LEAST), max(budget.usable_energy_j, LEAST)
@@ -120,8 +130,8 @@ class OrdersByBudget:
 
     def in_windows(self, windows: Floats) -> OrdersByBudget:
         """Return no orders yet, in the same futures with other windows of the observations, [m, 2]."""
-        other = OrdersByBudget(self.model, self.asked, self.widest, self.futures)
-        other.windows, other._neighbours = windows, self._neighbours
+        other = OrdersByBudget(self.model, self.asked, self.widest, self.futures, doubt=self.doubt)
+        other.windows, other._neighbours, other._right = windows, self._neighbours, self._right
         return other
 
     def __contains__(self, order: Order) -> bool:
@@ -183,14 +193,25 @@ class OrdersByBudget:
         number, row, column = self._number(order), how.row or TIME, how.column(at)
         if self._needs[number] > (self.factors[at] if how.volume else 1.0) * (1.0 + 1e-9):
             return -math.inf
-        if self._held[number] and self._curves[number, 3 + row, column] < how.least:
+        chance = self._curves[number, 3 + row, column] * self._right.get(order, self.doubt)
+        if self._held[number] and chance < how.least:
             return -math.inf
         return float(self._curves[number, row, column])
 
     def chance(self, order: Order, how: Widened, at: int) -> float:
-        """Return the chance that an order makes the observation asked for at factor number `at`."""
+        """Return the chance that an order makes the observation asked for at factor number `at`, as futures
+        tell it.
+        """
         number = self._number(order)
         return float(self._curves[number, 3 + (how.row or TIME), how.column(at)])
+
+    def put_right(self, order: Order, how: Widened, at: int, chance: float) -> None:
+        """Take the chance of an order for what it is at factor number `at`, and as much more or less as
+        futures tell at the others, in any windows.
+        """
+        told = self.chance(order, how, at)
+        if told > 0.0:
+            self._right[order] = chance / told
 
     def _worths(
         self, how: Widened, at: int | slice, *, holds: bool | None = None, numbers: Numbers | None = None
@@ -207,31 +228,52 @@ class OrdersByBudget:
             most = (self.factors[at] if how.volume else np.ones(1)) * (1.0 + 1e-9)
             values = np.where(self._needs[numbers][:, None] <= most, values, -np.inf)
         if holds is not False:
-            seldom = self._curves[numbers, 3 + row, column] < how.least
+            chances = self._curves[numbers, 3 + row, column]
+            if self._right or self.doubt != 1.0:
+                right = [self._right.get(self._orders[k], self.doubt) for k in numbers]
+                chances = chances * np.array(right, np.float32)[:, None]
+            seldom = chances < how.least
             values = np.where(self._held[numbers][:, None] & seldom, -np.inf, values)
         return values, numbers
 
-    def best(self, how: Widened, at: int, *, holds: bool, most: int = 1) -> list[tuple[float, Order]]:
+    def best(
+        self, how: Widened, at: int, *, holds: bool, most: int = 1, tied: int = 2, within: float = 0.0
+    ) -> list[tuple[float, Order]]:
         """Return the best orders known at factor number `at`, with their values, best first; of those that
-        hold the observation asked for, or of the others. Of orders worth the same here and with a little more
-        time or energy, whose ends no future comes to, the longest and the shortest stand for all: in more
-        futures some may come there.
+        hold the observation asked for, or of the others.
+
+        Of orders worth the same here and with a little more time or energy, whose ends no future comes to,
+        the longest and the shortest stand for all: in more futures some may come there. Up to `tied` do of
+        those that are within a share of the best value.
         """
         worths, numbers = self._worths(how, at, holds=holds)
         next_to = min(how.column(at) + 1, len(self.factors) - 1)
-        found: dict[tuple[float, ...], list[Order]] = {}
+        found: dict[tuple[float, ...], list[int]] = {}
         for k in np.argsort(-worths[:, 0], kind="stable"):
             value = round(float(worths[k, 0]), 9)
             # Orders that end alike differ there if they begin otherwise and earn as much by chance.
             worth = (value, *self._curves[numbers[k], [TIME, ENERGY], next_to].tolist())
             if value == -math.inf or (len(found) == most and worth not in found):
                 break
-            found.setdefault(worth, []).append(self._orders[numbers[k]])
+            found.setdefault(worth, []).append(int(numbers[k]))
+        least = max((worth[0] - within * abs(worth[0]) for worth in found), default=0.0)
         return [
             (worth[0], order)
             for worth, alike in found.items()
-            for order in dict.fromkeys((max(alike, key=len), min(alike, key=len)))
+            for order in self._some_of(alike, how.column(at), tied if worth[0] >= least else 2)
         ]
+
+    def _some_of(self, numbers: list[int], column: int, most: int) -> list[Order]:
+        """Return the longest and the shortest of orders, and up to so many in all that are worth the most
+        with larger budgets.
+        """
+        orders = {self._orders[k]: k for k in numbers}
+        chosen = dict.fromkeys((max(orders, key=len), min(orders, key=len)))
+        if most > 2 and len(orders) > 2:
+            beyond = self._curves[numbers, :3, min(column + BEYOND, len(self.factors) - 1)].sum(axis=1)
+            best = np.argsort(-beyond, kind="stable")[: most - len(chosen)]
+            chosen.update(dict.fromkeys(self._orders[numbers[k]] for k in best))
+        return list(chosen)
 
     def lead(self, how: Widened) -> Floats:
         """Return by how much more than `AHEAD` the best order with the observation earns than the best

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterable
 from functools import cached_property
 
@@ -33,10 +34,22 @@ SCREENED = 32, 128
 NEAR = 12
 """Values of each side whose orders are compared in more futures. By hand."""
 
+TIED, TIED_WITHIN = 6, 0.03
+"""Orders that earn the same in the first futures of which so many are compared in more, where they are within
+this share of the best: twice what those futures are off by.
+"""
+
 ALIKE, VALUED = 0.016, 6
 """Share of its value by which the best in more futures may be better than one that is valued without
-sampling, and how many are at most. Differences of two orders may be off by 2 % in those futures: with 0.008
-and 4 one relaxation in 110 came 1.3 % too late (day 25 of seed 944287893).
+sampling, and how many values are at most. Differences of two orders may be off by 2 % in those futures: with
+0.008 and 4 one relaxation in 110 came 1.3 % too late (day 25 of seed 944287893). Where a value is small
+beside what a day may earn or lose, they are off by more: a standard error of what varies as much as possible
+between these ends is taken there.
+"""
+
+DOUBT = 1.5
+"""How many times as often as more futures tell an order may make the observation, where the least chance that
+counts is in question: two standard errors of 2,048 futures at 1 % are 0.44 %.
 """
 
 
@@ -66,12 +79,14 @@ class Question:
     @cached_property
     def closer(self) -> OrdersByBudget:
         """The best of them, in more and other futures."""
-        return self._orders(COMPARED, 1)
+        return self._orders(COMPARED, 1, doubt=DOUBT)
 
-    def _orders(self, count: int, seed: int, nested: tuple[int, ...] = ()) -> OrdersByBudget:
+    def _orders(
+        self, count: int, seed: int, nested: tuple[int, ...] = (), doubt: float = 1.0
+    ) -> OrdersByBudget:
         model = Model.of(widened(self.problem, self.what, (VOLUME,), WIDEST))
         futures = TabledFutures.of(model, count, seed=seed, nested=nested)
-        return OrdersByBudget(model, self.asked, WIDEST, futures)
+        return OrdersByBudget(model, self.asked, WIDEST, futures, doubt=doubt)
 
     def _all_before(self, order: Order) -> Order:
         """Return an order with all that must precede each observation put in before it."""
@@ -99,7 +114,7 @@ class Question:
         worth = OrderValues(model, quick=True)
         sides: list[list[Order]] = []
         for holds in (True, False):
-            self.closer.look_at(order for _, order in self.orders.best(how, 0, holds=holds, most=NEAR))
+            self.closer.look_at(nearest(self.orders, how, 0, holds=holds))
             sides.append(alike(self.closer, how, 0, holds=holds))
         makes = [order for order in sides[0] if self._keeps_to_budgets(order)]
         every = [order for side in sides for order in side]
@@ -115,7 +130,25 @@ class Question:
         return not run_in(self.model, program, program.entry).over
 
 
+def nearest(orders: OrdersByBudget, how: Widened, at: int, *, holds: bool) -> list[Order]:
+    """Return the orders of a side that are compared in more futures, at factor number `at`."""
+    best = orders.best(how, at, holds=holds, most=NEAR, tied=TIED, within=TIED_WITHIN)
+    return [order for _, order in best]
+
+
 def alike(orders: OrdersByBudget, how: Widened, at: int, *, holds: bool) -> list[Order]:
-    """Return the orders of a side that may be the best at factor number `at`."""
+    """Return the orders of a side that may be the best at factor number `at`.
+
+    Of orders that earn the same in more futures the longest stands for all, where they are not the best: what
+    no such future comes to is worth less than is told apart.
+    """
     best = orders.best(how, at, holds=holds, most=VALUED)
-    return [order for value, order in best if value >= best[0][0] - ALIKE * abs(best[0][0])]
+    if not best:
+        return []
+    worth = float(orders.model.utility[list(best[0][1])] @ orders.model.p_success[list(best[0][1])])
+    value, penalty = best[0][0], orders.model.penalty
+    # What lies between two ends has at most this variance (Bhatia and Davis 2000), a difference of two twice.
+    most = max(value + penalty, 0.0) * max(worth - value, 0.0)
+    least = value - max(ALIKE * abs(value), math.sqrt(2.0 * most / COMPARED))
+    near = {value: order for value, order in reversed(best) if value >= least}
+    return [order for one, order in best if one == value or near.get(one) == order]

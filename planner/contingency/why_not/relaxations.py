@@ -9,7 +9,7 @@ values without sampling.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,21 +20,28 @@ from planner.contingency.why_not.contests import BudgetContest, Contest, WindowC
 from planner.contingency.why_not.limits import OF_ENERGY, OF_TIME, VOLUME, WINDOW, widened
 from planner.contingency.why_not.order_lanes import BOTH, ENERGY, TIME
 from planner.contingency.why_not.order_value import OrderValues
-from planner.contingency.why_not.orders_by_budget import AHEAD, LEAST_CHANCE, Widened
+from planner.contingency.why_not.orders_by_budget import AHEAD, Widened
 from planner.contingency.why_not.question import Question
-from planner.evaluate.model import Model
+from planner.evaluate.model import Floats, Ints, Model
 from planner.plan_tree import Plan
 
 PUT_RIGHT, TRUSTED = 10, 3
 """Times that a factor is put right at most, and those in which futures tell where. Two are usual."""
 
-POOR, NEARBY = 0.005, 9
-"""Share of a value behind which an order is not valued again, and numbers of factors, 2 % in all, within
-which. By hand.
+FASTER = 6e-4
+"""Share of a value by which one order may gain on another from one number of a factor to the next; one that
+is further behind the best of its side at a factor near by is not valued again. By hand: leads at eight
+targets change by as much at most.
 """
 
 FURTHER = 2
 """Numbers of factors, half a per cent, by which one is tried that is larger."""
+
+
+CLOSE, ALL_BUT_EVEN = 2, 4
+"""Numbers of factors to which the least is told: half a per cent, and 1 % where a lead is no larger than what
+it must be at least, which matters to nobody.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,22 +83,31 @@ def _least(question: Question, kinds: Collection[str]) -> Relaxation | None:
     contest: Contest = WindowContest(question, how) if WINDOW in kinds else BudgetContest(question, how)
     numbers = np.arange(len(question.orders.factors))
     leads: dict[int, float] = {}
-    poor: dict[Order, int] = {}
+    behind: dict[Order, dict[int, float]] = {}
     off: dict[int, float] = {}
     best: tuple[float, Order] | None = None
     at = contest.least(np.zeros(len(numbers)))
     while at is not None and at not in leads and len(leads) < PUT_RIGHT:
         leads[at] = -math.inf
-        valued = _valued(question, kinds, contest, at, poor)
-        if valued is None:  # made too seldom: a little further on it may be made
-            at = at + FURTHER if at + FURTHER < len(numbers) else None
+        valued = _valued(question, kinds, contest, at, behind)
+        if valued is None:  # made too seldom: a little further on it may be made, if futures do not say where
+            again = contest.least(_interpolated(off, numbers))
+            at = again if again is not None and again not in leads else at + FURTHER
+            at = at if at < len(numbers) else None
             continue
-        leads[at], told = valued
-        if leads[at] > 0.0 and (best is None or told < best):
-            best = told
+        leads[at], small, found = valued
+        if leads[at] > 0.0 and (best is None or found < best):
+            best = found
         off[at] = leads[at] - contest.lead(at)
-        at = _next(leads, contest.least(np.interp(numbers, sorted(off), [off[k] for k in sorted(off)])))
+        room = ALL_BUT_EVEN if 0.0 < leads[at] <= small else CLOSE
+        at = _next(leads, contest.least(_interpolated(off, numbers)), room)
     return None if best is None else _relaxation(question, kinds, *best)
+
+
+def _interpolated(off: Mapping[int, float], numbers: Ints) -> Floats:
+    """Return what is known at some numbers of factors at all, [factors]; 0 where it is known at none."""
+    known = sorted(off)
+    return np.interp(numbers, known, [off[k] for k in known]) if known else np.zeros(len(numbers))
 
 
 def _relaxation(question: Question, kinds: Collection[str], factor: float, order: Order) -> Relaxation:
@@ -99,42 +115,64 @@ def _relaxation(question: Question, kinds: Collection[str], factor: float, order
     return Relaxation(" and ".join(kinds), factor, OrderValues(model)[order], route_plan(model, order))
 
 
-def _next(leads: dict[int, float], told: int | None) -> int | None:
+def _next(leads: dict[int, float], told: int | None, room: int) -> int | None:
     """Return the number of the factor to be valued next, where futures tell one; None where the least is
-    known. From `TRUSTED` factors on it halves what lies between those behind and ahead.
+    known. From `TRUSTED` factors on it halves what lies between those behind and ahead, down to `room`.
     """
     ahead = min((at for at, lead in leads.items() if lead > 0.0), default=None)
     if ahead is None:
         return told
     behind = max((at for at in leads if at < ahead), default=0)
     if told is None or told >= ahead - 1 or len(leads) >= TRUSTED:
-        return (behind + ahead) // 2 if len(leads) >= TRUSTED and ahead - behind > 2 else None
+        return (behind + ahead) // 2 if len(leads) >= TRUSTED and ahead - behind > room else None
     return told
 
 
 def _valued(
-    question: Question, kinds: Collection[str], contest: Contest, at: int, poor: dict[Order, int]
-) -> tuple[float, tuple[float, Order]] | None:
-    """Return the lead at a factor as values without sampling tell it, and the factor with its best order.
+    question: Question,
+    kinds: Collection[str],
+    contest: Contest,
+    at: int,
+    behind: dict[Order, dict[int, float]],
+) -> tuple[float, float, tuple[float, Order]] | None:
+    """Return the lead at a factor as values without sampling tell it, how much of a lead is none to speak of,
+    and the factor with its best order.
 
-    None where all orders that more futures take for the best make the observation too seldom. `poor` are
-    orders far behind the best of their side, with the number of the factor where they were; it is added to.
+    None where all orders that more futures take for the best make the observation too seldom. `behind` says
+    by what share of its value orders are behind the best of their side, by the number of the factor; it is
+    added to.
     """
     factor = math.ceil(1e3 * question.orders.factors[at]) / 1e3
     model = Model.of(widened(question.problem, question.what, kinds, factor))
     values = OrderValues(model, quick=True)
-    with_it, without = (
-        [o for o in side if abs(poor.get(o, -NEARBY) - at) >= NEARBY] for side in contest.pair(at)
-    )
-    with_it = [
-        o for o in with_it
-        if not contest.seldom(o, at) or values.chance(o, question.asked) >= LEAST_CHANCE
-    ]  # fmt: skip
+    with_it, without = ([o for o in side if _may_lead(behind.get(o, {}), at)] for side in contest.pair(at))
+    with_it = [o for o in with_it if not contest.seldom(o, at, values)]
     if not with_it:
         return None
-    other = values[values.best(without)] if without else 0.0
     best = values.best(with_it)
-    for side, most in ((with_it, values[best]), (without, other)):
-        poor.update((o, at) for o in values.poor(side, most - POOR * abs(most)))
-    lead = values[best] - AHEAD * abs(values[best]) - max(0.0, other)
-    return lead, (factor, best)
+    rival = values.best(without) if without else None
+    lead = _lead(values, best, rival)
+    for side, one in ((with_it, best), (without, rival or best)):
+        for order in side:
+            behind.setdefault(order, {})[at] = values.behind(order, one)
+    return lead, AHEAD * abs(values.roughly(best)), (factor, best)
+
+
+def _may_lead(behind: Mapping[int, float], at: int) -> bool:
+    """Return whether an order that is so far behind at other factors may be the best of its side."""
+    return all(share <= FASTER * abs(at - number) for number, share in behind.items())
+
+
+def _lead(values: OrderValues, best: Order, rival: Order | None) -> float:
+    """Return by how much more than `AHEAD` one order is worth than another, or than nothing; as smaller grids
+    tell it where these say which is ahead.
+    """
+    sides = [best] if rival is None else [best, rival]
+    lead = _ahead(*(values.roughly(order) for order in sides))
+    if abs(lead) > sum(values.off(order) for order in sides):
+        return lead
+    return _ahead(*(values[order] for order in sides))
+
+
+def _ahead(worth: float, other: float = 0.0) -> float:
+    return worth - AHEAD * abs(worth) - max(0.0, other)
