@@ -201,11 +201,7 @@ class Driving:
             self.follower.set_ranges()
             self.hardware.report()
         if not reason and heading is not None:
-            angle = wrap_angle(heading - self.hardware.believed.heading)
-            if abs(angle) > math.radians(3):
-                reason = yield from self._advance(Way(angle, 0.0, 0.0), 0.0)
-                if not reason and mode == "track":
-                    yield from self.follower.update_all()
+            reason = yield from self._turn_to(heading, looks_at_targets=mode == "track")
         self.follower.set_ranges()
         self.follower.write_views(command)
         self._write_products(command, goal)
@@ -216,6 +212,16 @@ class Driving:
             "error_m": math.hypot(goal[0] - here.x, goal[1] - here.y),
         }
         return Outcome(not reason, reason, values)
+
+    def _turn_to(self, heading: float, *, looks_at_targets: bool) -> Generator[Step, None, str]:
+        """Turn in place to a heading, rad; return why it went wrong, or an empty string."""
+        angle = wrap_angle(heading - self.hardware.believed.heading)
+        if abs(angle) <= math.radians(3):
+            return ""
+        trouble = yield from self._advance(Way(angle, 0.0, 0.0), 0.0)
+        if not trouble and looks_at_targets:
+            yield from self.follower.update_all()
+        return trouble
 
     def _closed(self, name: str) -> bool:
         """Return whether the ground seen by now forbids the stand of a target, if it is named."""

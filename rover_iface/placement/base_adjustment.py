@@ -50,7 +50,11 @@ def base_move(
 
 
 def stands_near(cloud: SurfaceCloud, profile: RoverProfile, point: Array, normal: Array | None) -> list[Pose]:
-    """Return the stands from which the arm reaches `point`, by the way to them, as `base_move` has them."""
+    """Return the stands from which the arm reaches `point`, the nearest by the way to it first.
+
+    All as for `base_move`: `point` [3], m, with its outward unit normal [3] or None where that is not known,
+    in the rover frame.
+    """
     stands = _stands(cloud, profile, point, normal)
     return [] if isinstance(stands, str) else [stand.pose for stand in sorted(stands, key=_cost)]
 
