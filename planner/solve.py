@@ -20,6 +20,7 @@ from planner.stages import (
     Order,
     best_warm_plan,
     chosen,
+    grown_further,
     long_plan,
     pressed,
     searched_with_part,
@@ -133,7 +134,7 @@ def _planned(order: Order) -> PlanResult:
     # 1963).
     model, prices = pressed(small.within_reach()), [0.0]
     if chance is None:
-        found = searched_with_part(order, model, part)
+        found = grown_further(order, model, searched_with_part(order, model, part))
     else:
         found, prices = searched_within(order, model, small, part, chance)
 

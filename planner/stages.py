@@ -18,7 +18,7 @@ from planner.contingency.chance import keeps_to, plans_within
 from planner.contingency.hidden_sol import searched_in_hidden_sol
 from planner.contingency.order_in_futures import MOST_ENUMERATED, SCANNED, line_of
 from planner.contingency.reduction import Reduction, held_by, mean_route_of, only, reduce_problem
-from planner.contingency.sampled_branches import better_by_branches
+from planner.contingency.sampled_branches import better_by_branches, grow_branches
 from planner.contingency.sampled_futures import Growth
 from planner.contingency.seeding import mean_seed, route_plan
 from planner.contingency.selection import makeable, predecessors_of
@@ -73,6 +73,9 @@ where what is left of the limit is so many times what it took. By hand: the next
 LEAST_BOUND_S = 0.2
 """Seconds for a bound where the search has used up the limit: without one a plan says nothing. By hand."""
 
+LEFT_TO_WIN = 0.005
+"""Share of the optimal policy's value, on the grid of the search, by which its plan may lie below; else it is
+grown further on sampled futures. By hand: ten times what `PlannerOptions.tolerance` says of that grid."""
 
 FINER = 2
 """How many times the nodes of either axis a grid has where it blurs, for tables of few live sets."""
@@ -245,12 +248,44 @@ def searched_with_part(order: Order, model: Model, part: Reduction) -> Found:
     return dataclasses.replace(found, curve=better_of(model, found.curve, first.curve))
 
 
-def better_of(model: Model, one: Curve, other: Curve) -> Curve:
-    """Return for each number of branches the plan of two curves that is worth more, on the fine grids."""
+def grown_further(order: Order, model: Model, found: Found) -> Found:
+    """Return the plans of a search, and where they leave much to the optimal policy, better ones.
+
+    Those are grown from the first and from the last of them on sampled futures, and their lists are polished.
+    The search changes no main line that it began with: on a day of ten targets it ended by itself with 110.7
+    of the 112.6 that its last plan came to in this way.
+    """
+    watch = order.watch
+    counted = order.quick or order.iterations is not None or order.strategy != "optimal"
+    if counted or order.must or len(model.sols.chance) or not found.curve or found.optimum is None:
+        return found
+    if order.max_branches == 0 or found.curve[-1][0] >= (1.0 - LEFT_TO_WIN) * found.optimum:
+        return found
+    limits = Growth(order.max_branches, order.seed + 7)
+    begun = [plan for plan in dict.fromkeys((found.curve[0][1], found.curve[-1][1])) if plan]
+    curves, whole = [found.curve], 0
+    for plan in begun:
+        if watch.stop(LONG_SHARE):
+            break
+        more = grow_branches(model, plan, limits, should_stop=lambda: watch.stop(LONG_SHARE))
+        count = count_branches(plan)
+        curves.append([*found.curve[:count], *more[count:]])
+        whole += not watch.stop(LONG_SHARE)
+    done = found.done * (1 + whole) / (1 + len(begun))
+    if len(curves) == 1:
+        return dataclasses.replace(found, done=done)
+    curve = better_of(model, *curves)
+    if curve[-1][0] > watch.best_value:
+        watch.told(curve[-1][1], curve[-1][0])
+    return dataclasses.replace(found, curve=curve, done=done)
+
+
+def better_of(model: Model, *curves: Curve) -> Curve:
+    """Return for each number of branches the plan of the curves that is worth most, on the fine grids."""
     evaluator = Evaluator(model)
-    values = {plan: evaluator.value(plan).value for curve in (one, other) for _, plan in curve}
-    valued = [[(values[plan], plan) for _, plan in curve] for curve in (one, other)]
-    return better_by_branches(*valued)
+    plans = dict.fromkeys(plan for curve in curves for _, plan in curve)
+    values = {plan: evaluator.value(plan).value for plan in plans}
+    return better_by_branches(*([(values[plan], plan) for _, plan in curve] for curve in curves))
 
 
 def searched_within(
