@@ -24,6 +24,7 @@ from planner.plan_edits import lists_of, put_option, steps_at, without_unused_tr
 from planner.plan_tree import Branch, Navigate, Observe, Option, Path, Plan, count_branches
 
 Curve = list[tuple[float, Plan]]
+"""Value and plan with at most 0, 1, 2, ... branches."""
 
 
 def better_by_branches(*curves: Curve) -> Curve:
@@ -34,8 +35,6 @@ def better_by_branches(*curves: Curve) -> Curve:
         for most in range(max(map(len, held), default=0))
     ]
 
-
-"""Value and plan with at most 0, 1, 2, ... branches."""
 
 SHORTLIST, OF_A_POINT = 12, 3
 """Endings that are fitted on many futures for each option, and how many of them at one point: those of one
