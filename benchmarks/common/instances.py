@@ -21,8 +21,12 @@ def published() -> dict[str, Any]:
 
 
 def chosen(names: Sequence[str]) -> list[str]:
-    """Return the names given, or those of all instances."""
-    return list(names or published())
+    """Return the names given, or those of all instances; ends the program where a name is none of these."""
+    known = published()
+    for name in names:
+        if name not in known:
+            raise SystemExit(f'there is no instance "{name}"; known are {", ".join(known)}')
+    return list(names or known)
 
 
 def reference(module: str) -> ModuleType:
