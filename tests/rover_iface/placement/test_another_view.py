@@ -168,7 +168,7 @@ class Bench(ArmPlacing):
     def __init__(self, asked: list[bool | str], *, goes: bool) -> None:
         self.asked, self.goes = asked, goes
         self.views: list[int] = []
-        self.driving: Any = SimpleNamespace(stand=lambda name: None)
+        self.driving: Any = SimpleNamespace(stands=SimpleNamespace(of=lambda name: None))
         self.hardware: Any = SimpleNamespace(believed=Pose(0.0, 0.0), profile=load_profile("k9"))
         self.seen: list[int] = []
         self.moves: Any = SimpleNamespace(to=self._to)
