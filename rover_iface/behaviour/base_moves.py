@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Generator
 
-import numpy as np
-
 from rover_iface.behaviour.action import Step
 from rover_iface.behaviour.driving import STUCK, Driving
 from rover_iface.behaviour.following import Followed
 from rover_iface.behaviour.hardware import Hardware
+from rover_iface.behaviour.surroundings import look_round
 from rover_iface.errors import PlacementError, TrackerError
 from rover_iface.frames import Pose, wrap_angle
 from rover_iface.placement.base_adjustment import FARTHEST_MOVE_M, MOST_TURN_RAD, base_move
-from rover_iface.placement.cloud import cloud_of_points
 
 MOVES = 2
 """How often the rover moves without a look so that the arm reaches or the mast sees other faces."""
@@ -70,21 +68,16 @@ class BaseMoves:
         """Look around, and return poses from which the arm reaches a target: first one that serves the face
         that was designated, then one that serves whatever face the ground in sight has.
         """
-        looks = self.driving.sight.cost(around=True)
-        clouds = self.driving.sight.look(around=True)
-        yield from self.hardware.spend("navigator_step", looks)
-        if not clouds:
+        target, position = followed.target, followed.update.position
+        seen = yield from look_round(self.hardware, self.driving.sight, target, position)
+        if seen is None:
             return []
-        here = self.hardware.believed.site_from_rover
-        at = np.asarray(here.inverse().apply(followed.update.position), dtype=np.float64)
-        cloud = cloud_of_points(np.concatenate(clouds))
-        normal = np.asarray(here.inverse().rotate(followed.target.normal), dtype=np.float64)
         poses = []
-        for face in (normal, None):
+        for face in (seen.normal, None):
             try:
-                move = base_move(cloud, self.hardware.profile, at, face)
+                move = base_move(seen.cloud, self.hardware.profile, seen.point, face)
             except PlacementError:
                 continue
             if not isinstance(move, str):
-                poses.append(Pose.from_transform(here * move.pose.site_from_rover))
+                poses.append(seen.in_site(move.pose))
         return poses

@@ -11,10 +11,11 @@ from rover_iface.behaviour.action import Step
 from rover_iface.behaviour.following import TargetFollower
 from rover_iface.behaviour.hardware import Hardware
 from rover_iface.behaviour.sight import Sight
+from rover_iface.behaviour.surroundings import look_round
+from rover_iface.cameras.model import Array
 from rover_iface.frames import Pose
 from rover_iface.navigation.navigator import Navigator
 from rover_iface.placement.base_adjustment import HALF_M, stands_near
-from rover_iface.placement.cloud import cloud_of_points
 
 LOOK_FROM_M = HALF_M - 1.5
 """Distance from a stand at which the ground round its target lies within what is made of one look."""
@@ -36,12 +37,16 @@ class Stands:
 
     def of(self, name: str) -> Pose | None:
         """Return a target's stand, laid out from where the target is believed to be; None if it has none."""
-        target = self.follower.targets[name]
-        stand = self._chosen.get(name) or target.observation_point
+        stand = self._chosen.get(name) or self.follower.targets[name].observation_point
         if stand is None:
             return None
-        by = np.asarray(self.follower.position(name)[:2], dtype=float) - np.array(target.point[:2])
+        by = self._shift(name)
         return Pose(stand.x + float(by[0]), stand.y + float(by[1]), heading=stand.heading)
+
+    def _shift(self, name: str) -> Array:
+        """Return how far (2,), m, a target is believed to lie from where it was designated."""
+        designated = np.array(self.follower.targets[name].point[:2])
+        return np.asarray(self.follower.position(name)[:2], dtype=np.float64) - designated
 
     def begin(self) -> None:
         """Begin a drive."""
@@ -66,19 +71,15 @@ class Stands:
         if stand is None or not self._left or math.hypot(stand.x - here.x, stand.y - here.y) > LOOK_FROM_M:
             return False
         self._left -= 1
-        looks = self.sight.cost(around=True)
-        clouds = self.sight.look(around=True)
-        yield from self.hardware.spend("navigator_step", looks)
-        if not clouds:
+        target, position = self.follower.targets[name], self.follower.position(name)
+        seen = yield from look_round(self.hardware, self.sight, target, position)
+        if seen is None:
             return False
-        site, target = here.site_from_rover, self.follower.targets[name]
-        at = np.asarray(site.inverse().apply(self.follower.position(name)), dtype=np.float64)
-        normal = np.asarray(site.inverse().rotate(target.normal), dtype=np.float64)
-        for near in stands_near(cloud_of_points(np.concatenate(clouds)), self.hardware.profile, at, normal):
-            pose = Pose.from_transform(site * near.site_from_rover)
+        for near in stands_near(seen.cloud, self.hardware.profile, seen.point, seen.normal):
+            pose = seen.in_site(near)
             apart = math.hypot(pose.x - stand.x, pose.y - stand.y) >= APART_M
             if apart and not navigator.closed(navigator.where(pose)):
-                by = np.asarray(self.follower.position(name)[:2], dtype=float) - np.array(target.point[:2])
+                by = self._shift(name)
                 self._chosen[name] = Pose(pose.x - float(by[0]), pose.y - float(by[1]), heading=pose.heading)
                 return True
         return False

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from executive.ports import Command, CommandId
-from rover_iface.behaviour import base_moves, placing
+from rover_iface.behaviour import base_moves, placing, surroundings
 from rover_iface.behaviour.action import Outcome, Step
 from rover_iface.behaviour.base_moves import BaseMoves
 from rover_iface.behaviour.driving import STUCK
@@ -18,7 +18,7 @@ from rover_iface.behaviour.hardware import Contact
 from rover_iface.behaviour.placing import HandedOff, Placing
 from rover_iface.errors import PlacementError
 from rover_iface.frames import Pose
-from rover_iface.placement.base_adjustment import BaseMove
+from rover_iface.placement.verdict import BaseMove
 from rover_iface.profile import load_profile
 
 MOVE_J, LOOK_J, MEASURE_J = 700.0, 300.0, 50.0
@@ -147,7 +147,7 @@ def test_the_rover_goes_where_the_arm_serves_the_face_that_was_designated(
             return None
 
     monkeypatch.setattr(base_moves, "base_move", move)
-    monkeypatch.setattr(base_moves, "cloud_of_points", lambda points: points)
+    monkeypatch.setattr(surroundings, "cloud_of_points", lambda points: points)
     monkeypatch.setattr(base_moves, "MOVES", 1)
     monkeypatch.setattr(placing, "MOVES", 1)
     assert _placed(Looking(stand=Pose(0.3, 0.0))).success is made
