@@ -26,8 +26,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.csgraph import maximum_flow
 from scipy.special import ndtr, ndtri
 
 from planner.contingency.linear_program import solved
@@ -182,6 +180,8 @@ class _Program:
 
     def solve(self, limit_s: float) -> Any:
         """Return the answer of the solver within a limit."""
+        from scipy import sparse  # 0.1 s that a first plan does not need
+
         at = np.repeat(np.arange(len(self.rows)), [len(row.at) for row in self.rows])
         values = np.concatenate([row.values for row in self.rows])
         columns = np.concatenate([row.at for row in self.rows])
@@ -195,6 +195,9 @@ class _Program:
 
     def cut(self, x: Floats, slack: Floats) -> int:
         """Replace the entries that do not bind by those that a solution violates; return how many."""
+        from scipy import sparse
+        from scipy.sparse.csgraph import maximum_flow
+
         binding = slack[self.kept :] < BINDING
         self.rows[self.kept :] = [row for row, b in zip(self.rows[self.kept :], binding, strict=True) if b]
         n1 = self.model.n + 1

@@ -17,6 +17,11 @@ from planner.tally import uncounted
 
 AUTO = "auto"
 
+ROADS = [[0, 5, 9], [5, 0, 6], [9, 6, 0]]
+"""Of the small problems that load the compiled kernels."""
+SHORT_PRIZE, LONG_PRIZE = 2, 2**33
+"""Prizes with which their tables are of 32 and of 64 bits."""
+
 
 @dataclass(frozen=True, slots=True)
 class Effort:
@@ -123,23 +128,40 @@ def engine_named(name: str) -> Callable[[RoutingProblem, Effort], RoutingSolutio
     return found
 
 
-@lru_cache(maxsize=1)
 def warm_up() -> None:
-    """Load the compiled kernels (compiling them when this machine never has); `solve` calls it by itself.
+    """Load the compiled kernels (compiling them when this machine never has); `solve` loads those that it
+    needs by itself.
 
     A process that must answer its first problem quickly calls it at start-up.
     """
+    for prize in (SHORT_PRIZE, LONG_PRIZE):
+        warm_up_exact(prize)
+    warm_up_survey()
+
+
+@lru_cache(maxsize=2)
+def warm_up_exact(prize: int) -> None:
+    """Load the kernels of the exact engine, for tables of 32 or of 64 bits as a prize (an integer) asks."""
     import numpy as np
 
     from planner.orienteering.exact import ExactSolver
+
+    roads = np.array(ROADS, dtype=np.int64)
+    tiny = RoutingProblem(roads, roads, (Experiment("a", 1, prize), Experiment("b", 2, 1)), 20, 20)
+    with uncounted():
+        ExactSolver(tiny).solve()
+
+
+@lru_cache(maxsize=1)
+def warm_up_survey() -> None:
+    """Load the kernels of the survey engine and of branch-and-cut."""
+    import numpy as np
+
     from planner.orienteering.proof import solve_with_proof
 
-    roads = np.array([[0, 5, 9], [5, 0, 6], [9, 6, 0]], dtype=np.int64)
+    roads = np.array(ROADS, dtype=np.int64)
     plain = RoutingProblem(roads, roads * 0, (Experiment("a", 1, 2),), 20, end_site=2)
     with uncounted():
-        for prize in (2, 2**33):  # 32-bit and 64-bit tables
-            tiny = RoutingProblem(roads, roads, (Experiment("a", 1, prize), Experiment("b", 2, 1)), 20, 20)
-            ExactSolver(tiny).solve()
         solve_with_proof(plain, time_limit_s=60.0, iterations=2)
 
 
@@ -173,18 +195,23 @@ def solve(
     effort = Effort(time_limit_s, iterations, seed, threads)
     if engine != AUTO:
         chosen = engine_named(engine)
-        if engine in ("exact", "survey", "branch-and-cut"):
-            warm_up()
+        if engine == "exact":
+            warm_up_exact(SHORT_PRIZE)
+        elif engine in ("survey", "branch-and-cut"):
+            warm_up_survey()
         return chosen(problem, effort)
     from planner.orienteering.exact import ExactSolver
     from planner.orienteering.survey import is_survey
 
     if not problem.experiments:
         return _nothing_to_do(problem, seed)
-    warm_up()
     if is_survey(problem):
+        warm_up_survey()
         return solve_by_cuts(problem, effort)
-    return (solve_exact if ExactSolver.fits(problem) else solve_by_model)(problem, effort)
+    if not ExactSolver.fits(problem):
+        return solve_by_model(problem, effort)
+    warm_up_exact(SHORT_PRIZE)
+    return solve_exact(problem, effort)
 
 
 def _nothing_to_do(problem: RoutingProblem, seed: int) -> RoutingSolution:

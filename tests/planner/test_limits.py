@@ -18,7 +18,7 @@ from planner.evaluate.propagate import Backward
 from planner.notes import sketch
 from planner.options import PlannerOptions
 from planner.orienteering import solve as solve_routing
-from planner.orienteering.engines import warm_up
+from planner.orienteering.engines import warm_up_exact
 from planner.orienteering.problem import Experiment, RoutingProblem
 from planner.plan_tree import plan_tree_to_dict
 from planner.problem import problem_from_dict
@@ -58,7 +58,7 @@ def test_what_is_done_once_a_process_is_not_counted() -> None:
     problem = example(time_s=4000.0)
     solve(problem, time_limit_s=0.5)
     later = solve(problem, time_limit_s=0.5)
-    warm_up.cache_clear()
+    warm_up_exact.cache_clear()
     assert solve(problem, time_limit_s=0.5).work_s == later.work_s
 
 
