@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from planner.contingency.seeding import route_plan
-from planner.contingency.why_not.order_value import OrderValues
+from planner.contingency.why_not.order_value import QUICK, OrderValues
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import simulate
 from planner.evaluate.propagate import Evaluator
@@ -39,6 +39,18 @@ def test_an_order_of_eight_with_windows_is_worth_what_the_evaluator_says(seed: i
     order = tuple(int(m) for m in rng.permutation(model.m)[: 5 + seed % 4])
     wanted = Evaluator(model).value(route_plan(model, order)).value
     assert OrderValues(model)[order] == pytest.approx(wanted, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_short_numbers_on_grids_change_a_value_by_a_millionth(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    model = Model.of(day(rng, least=8, most=8))
+    order = tuple(int(m) for m in rng.permutation(model.m)[:6])
+    quick, exact = OrderValues(model, quick=True), OrderValues(model)
+    assert quick.evaluated(order) == pytest.approx(exact[order], rel=1e-6)
+    for nodes in QUICK:
+        short, long = (values._on(nodes, order, values._kinds) for values in (quick, exact))
+        assert short == pytest.approx(long, rel=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(4))

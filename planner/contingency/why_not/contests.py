@@ -205,7 +205,7 @@ class WindowContest:
             usual.look_at(order for _, order in near)
         held = self._likeliest(at) if closer else list(self.held)
         wide.look_at(held)
-        best = max((wide.worth(order, self.how, at) for order in held), default=-np.inf)
+        best = max(wide.worths(held, self.how, at), default=-np.inf)
         others = usual.best(self.how, at, holds=False)
         return best - AHEAD * abs(best) - max(0.0, others[0][0] if others else 0.0)
 
@@ -213,7 +213,9 @@ class WindowContest:
         """Return those of the orders kept that are best in the window of a factor."""
         few = self._window(at, closer=False)
         few.look_at(self.held)
-        return sorted(self.held, key=lambda order: -few.worth(order, self.how, at))[:LIKELIEST]
+        held = list(self.held)
+        best = np.argsort([-worth for worth in few.worths(held, self.how, at)], kind="stable")
+        return [held[k] for k in best[:LIKELIEST]]
 
     def lead(self, at: int) -> float:
         """Return the lead in more futures."""

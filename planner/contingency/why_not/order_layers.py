@@ -86,7 +86,8 @@ def _number(
 
 
 @njit(cache=True, nogil=True)
-def _wider(old: Any) -> Any:
+def wider(old: Any) -> Any:
+    """Return an array [2 * rows, ...] that begins with the rows of another."""
     new = np.empty((2 * old.shape[0], *old.shape[1:]), old.dtype)
     new[: old.shape[0]] = old
     return new
@@ -163,7 +164,7 @@ def layers_of(steps: Ints, starts: int, world: World, windows: Floats, costs: Co
                         there, shut = place, closed
                         then_done, then_tracked = (done, tracked) if failed else (after, left)
                     if count == states.shape[0]:
-                        states, what, out = _wider(states), _wider(what), _wider(out)
+                        states, what, out = wider(states), wider(what), wider(out)
                     if 2 * (count - begin) + 2 > table.shape[0]:
                         table = np.full(2 * table.shape[0], -1)
                         for row in range(begin, count):
@@ -182,7 +183,7 @@ def layers_of(steps: Ints, starts: int, world: World, windows: Floats, costs: Co
                     if row == count:
                         count += 1
                     if links == to.shape[0]:
-                        to, odds = _wider(to), _wider(odds)
+                        to, odds = wider(to), wider(odds)
                     to[links], odds[links] = row, odd
                     links += 1
                 if lost == 0:
@@ -190,7 +191,7 @@ def layers_of(steps: Ints, starts: int, world: World, windows: Floats, costs: Co
                 lost = (lost - 1) & lossy
         first[k + 2] = count
     if count == out.shape[0]:
-        out = _wider(out)
+        out = wider(out)
     for s in range(first[length], count):
         out[s] = links
     out[first[length]] = links

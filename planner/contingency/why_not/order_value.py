@@ -10,12 +10,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from planner.contingency.order_in_futures import Order
-from planner.contingency.why_not.order_layers import DRIVES, OBSERVES, PASSES, layers_of
+from planner.contingency.why_not.order_layers import OBSERVES, PASSES, Layers, layers_of, wider
 from planner.contingency.why_not.order_run import OBSERVE, steps_of, ways_of
 from planner.evaluate.model import Floats, Ints, Model
 from planner.evaluate.propagate import COARSE, FINE
@@ -24,10 +26,17 @@ from planner.evaluate.rollout import Costs, World
 NOTHING = 1e-15
 """Weight below which a node is left out of a kernel: fewer than a thousand make a value."""
 
+HARDLY, FAINT = 1e-8, 1e-18
+"""The same where numbers are short, and what is taken for nothing there: products of less and of two such
+weights are too small to be held as usual, and take ten times as long.
+"""
+
 COLUMNS = 8
 """Columns are a multiple of so many, as many as a processor takes at once: the rest would take as long as all
 the others. Those past the last node are worth nothing.
 """
+
+Reals = NDArray[np.float32] | NDArray[np.float64]
 
 Nodes = tuple[int, int]
 """How many of time and of drive energy."""
@@ -51,6 +60,13 @@ what hardly any day comes to.
 HALF = 0.5
 """Share of what the quick grids may be off that is left after the extrapolation."""
 
+SHORT, LONG = np.empty(0, np.float32), np.empty(0, np.float64)
+"""Types of the numbers on grids. A processor takes twice as many of the former at once; they are for the
+quick grids, of which half a per mille is asked, as sums of them are off by a millionth of a value.
+"""
+
+SHORT_BYTES = 4
+
 Kinds = list[tuple[float, Costs, World, Floats]]
 """Chance, costs, world and windows of each kind of sol."""
 
@@ -64,6 +80,7 @@ class OrderValues:
         self._ways = ways_of(model)
         self._known: dict[Order, float] = {}
         self._roughly: dict[Order, tuple[float, float]] = {}
+        self._fine: dict[Order, float] = {}
         self._kinds: Kinds = [
             (chance, Costs.of(known), World.of(known, known.utility * known.p_success), known.window)
             for chance, known in model.by_kind
@@ -75,6 +92,13 @@ class OrderValues:
         if known is None:
             known = self._known[order] = self._settled(order, self._kinds, *self._rough(order))
         return known
+
+    def evaluated(self, order: Order) -> float:
+        """Return the value on the evaluator's two grids, to a millionth of it where this is quick."""
+        fine = self._fine.get(order)
+        if fine is None:
+            fine = self._fine[order] = self._on(FINE, order, self._kinds)
+        return _towards((COARSE, FINE), self._on(COARSE, order, self._kinds), fine)
 
     def best(self, orders: Iterable[Order]) -> Order:
         """Return the best of orders. Larger grids are asked of those only that may be, as far as the smaller
@@ -138,12 +162,16 @@ class OrderValues:
         """Return the value, with the evaluator's finest grid where smaller ones have not settled."""
         if not self.quick or abs(value - fine) <= SETTLED * abs(value):
             return value
-        return _towards((QUICK[1], FINE), fine, self._on(FINE, order, kinds))
+        finest = self._on(FINE, order, kinds)
+        if kinds is self._kinds:
+            self._fine[order] = finest
+        return _towards((QUICK[1], FINE), fine, finest)
 
     def _on(self, nodes: Nodes, order: Order, kinds: Kinds) -> float:
         numbers = np.array(order, np.int64)
+        like = SHORT if self.quick else LONG
         return sum(
-            chance * value_on(numbers, self._ways, costs, world, windows, *nodes)
+            chance * value_on(numbers, self._ways, costs, world, windows, *nodes, like)
             for chance, costs, world, windows in kinds
         )
 
@@ -166,69 +194,165 @@ def _mean_above(c: float, mu: float, sigma: float) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _weights(row: Floats, nodes: int, base: float, step: float, mu: float, sigma: float) -> int:
+def _weights(
+    row: Floats, nodes: int, base: float, step: float, mu: float, sigma: float, least: float
+) -> tuple[int, int]:
     """Write the mass of so many nodes `base` + k * `step` (`grid.weights_from`, the mean kept) into `row`;
-    return past which node there is none.
+    return the first node that has more than `least`, and past which there is none. Others get nothing.
     """
     one, two = _mean_above(base - step, mu, sigma), _mean_above(base, mu, sigma)
-    end = 0
+    begin, end = nodes, 0
     for k in range(nodes):
         three = _mean_above(base + (k + 1) * step, mu, sigma)
         row[k] = max((one - 2.0 * two + three) / step, 0.0)
-        if row[k] > NOTHING:
-            end = k + 1
+        if row[k] > least:
+            begin, end = min(begin, k), k + 1
+        else:
+            row[k] = 0.0
         one, two = two, three
-    return end
+    return min(begin, end), end
+
+
+class Kernels(NamedTuple):
+    """Weights of the amounts of actions, and from which nodes on the states of a plan may be met.
+
+    Rows of `along_t` [rows, nt] and `along_g` [rows, ng + 4] are the weights of an action; of row k those
+    from `span_t[k, 0]` or `span_g[k, 0]` up to `span_t[k, 1]` or `span_g[k, 1]` count. `uses` [states, 2] are
+    the rows of the action of a state, and `reach` [states, 2] the least nodes of time and energy at which the
+    state may be met; those of energy are multiples of `COLUMNS`. `early` [steps] are how many nodes lie
+    before the window opens, and `at_opening` [steps, nt] the weights of an observation that begins then.
+    """
+
+    along_t: Floats
+    along_g: Floats
+    span_t: Ints
+    span_g: Ints
+    uses: Ints
+    reach: Ints
+    early: Ints
+    at_opening: Floats
+
+
+@njit(cache=True, nogil=True)
+def _kernels(
+    plan: Layers, steps: Ints, costs: Costs, world: World, windows: Floats, nt: int, ng: int, at: Floats,
+    least: float,
+) -> Kernels:  # fmt: skip
+    """Return the weights on a grid of a plan of such steps [steps, 2] that begins at node `at` [2].
+
+    Weights below `least` are left out.
+    """
+    length, n1, most = steps.shape[0], world.n + 1, steps.shape[0] * (world.n + 1)
+    step_t, step_g = costs.t_max / (nt - 1), costs.e_max / (ng - 1)
+    along_t, span_t = np.zeros((4 * length, nt)), np.zeros((4 * length, 2), np.int64)
+    along_g, span_g = np.zeros((most, ng + 4)), np.zeros((most, 2), np.int64)
+    count = plan.first[length + 1]
+    uses, reach = np.zeros((count, 2), np.int64), np.empty((count, 2), np.int64)
+    reach[:, 0], reach[:, 1] = nt, ng // COLUMNS * COLUMNS
+    reach[0, 0], reach[0, 1] = min(int(at[0]), nt - 2), min(int(at[1]), ng - 2) // COLUMNS * COLUMNS
+    early, at_opening = np.zeros(length, np.int64), np.zeros((length, nt))
+    rows_t, rows_g = 0, 0
+    for k in range(length):
+        known_t, known_g = np.full(n1 * n1, -1), np.full(n1, -1)
+        observes, i, opening = steps[k, 0] == OBSERVE, steps[k, 1], 0
+        if observes and windows[i, 0] > 0.0:
+            early[k] = min(nt, math.ceil(windows[i, 0] / step_t))
+            ln = world.obs_ln[i]
+            opening = _weights(at_opening[k], nt, -windows[i, 0], step_t, ln[0], ln[1], least)[0]
+        for s in range(plan.first[k], plan.first[k + 1]):
+            r, c, link = reach[s, 0], reach[s, 1], plan.out[s]
+            if plan.what[s] == PASSES:
+                after = plan.to[link]
+                reach[after, 0], reach[after, 1] = min(reach[after, 0], r), min(reach[after, 1], c)
+                continue
+            place, tracks = 0, 0
+            if not observes:
+                place = plan.states[s, 0]
+                for p in range(1, n1):
+                    tracks += (plan.states[s, 2] >> p) & 1
+            ln = world.obs_ln[i] if observes else world.leg_ln[place, i]
+            if known_t[place * n1 + tracks] < 0:
+                if rows_t == along_t.shape[0]:
+                    along_t, span_t = wider(along_t), wider(span_t)
+                along_t[rows_t] = 0.0
+                span_t[rows_t] = _weights(
+                    along_t[rows_t], nt, -tracks * costs.track_leg, step_t, ln[0], ln[1], least
+                )  # fmt: skip
+                known_t[place * n1 + tracks] = rows_t
+                rows_t += 1
+            if known_g[place] < 0:
+                span_g[rows_g] = _weights(along_g[rows_g], ng, 0.0, step_g, ln[2], ln[3], least)
+                known_g[place] = rows_g
+                rows_g += 1
+            uses[s, 0], uses[s, 1] = known_t[place * n1 + tracks], known_g[place]
+            then_r = max(r, early[k]) + span_t[uses[s, 0], 0]
+            if r < early[k]:
+                then_r = min(then_r, opening)
+            then_c = (c + span_g[uses[s, 1], 0]) // COLUMNS * COLUMNS
+            last = link + 1 if observes else plan.out[s + 1]
+            for way in range(link, last):
+                after = plan.to[way]
+                reach[after, 0] = min(reach[after, 0], then_r)
+                reach[after, 1] = min(reach[after, 1], then_c)
+            if observes and windows[i, 1] < costs.t_max:
+                after = plan.to[link + 1]
+                shut_r = max(r, int(max(windows[i, 1] / step_t - 0.5, 0.0)))
+                reach[after, 0], reach[after, 1] = min(reach[after, 0], shut_r), min(reach[after, 1], c)
+    return Kernels(along_t, along_g, span_t, span_g, uses, reach, early, at_opening)
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def _correlate(
-    gain: Floats, ends: Ints, along_t: Floats, end_t: int, along_g: Floats, end_g: int, early: int,
-    at_opening: Floats, between: Floats, value: Floats,
+    gain: Floats, ends: Ints, along_t: Floats, along_g: Floats, spans: tuple[int, int, int, int], early: int,
+    at_opening: Floats, between: Floats, value: Floats, first: int, left: int,
 ) -> None:  # fmt: skip
-    """Write the mean of `gain` [nt, ng] after an action whose amounts have these weights into `value`; the
-    first `early` rows wait, and all begin with the weights `at_opening` of the nodes. Rows of `gain` are zero
-    from `ends` [nt] on, multiples of `COLUMNS` that do not rise, and so are columns of `between`
-    [nt, 2 * ng + 4] past `ng`. Four weights at a time halve the time.
+    """Write the mean of `gain` [nt, width] after an action whose amounts have these weights, those of time
+    from the first to the second of `spans` and those of energy from the third to the last, into rows `first`
+    on of `value`, from column `left` on, a multiple of `COLUMNS`.
+
+    Rows before `early` wait, and all begin with the weights `at_opening` of the nodes. Rows of `gain` are
+    zero from `ends` [nt] on, multiples of `COLUMNS` that do not rise, and so are columns of `between`
+    [nt, 2 * width + 4] past the width. Four weights at a time halve the time.
     """
-    nt, ng = gain.shape
-    for r in range(min(early, nt - 1), nt):
-        row = between[r]
-        for c in range(ng):
+    nt, width = gain.shape
+    begin_t, end_t, begin_g, end_g = spans
+    begin = (left + begin_g) // COLUMNS * COLUMNS  # columns before are not met after the action
+    for r in range(max(first, min(early, nt - 1)), nt):
+        row = between[r, begin:]
+        for c in range(width - begin):
             row[c] = 0.0
-        end, d = min(end_t, nt - r), 0
-        while d < end and along_t[d] <= NOTHING:
-            d += 1
+        end, d = min(end_t, nt - r), begin_t
         while d + 4 <= end:
             one, two, three, four = along_t[d], along_t[d + 1], along_t[d + 2], along_t[d + 3]
-            g1, g2, g3, g4 = gain[r + d], gain[r + d + 1], gain[r + d + 2], gain[r + d + 3]
-            for c in range(ends[r + d]):
+            g1, g2 = gain[r + d, begin:], gain[r + d + 1, begin:]
+            g3, g4 = gain[r + d + 2, begin:], gain[r + d + 3, begin:]
+            for c in range(ends[r + d] - begin):
                 row[c] += one * g1[c] + two * g2[c] + three * g3[c] + four * g4[c]
             d += 4
         for rest in range(d, end):
-            for c in range(ends[r + rest]):
-                row[c] += along_t[rest] * gain[r + rest, c]
-    if early > 0:
-        for c in range(ng):
-            between[0, c] = 0.0
+            one, g1 = along_t[rest], gain[r + rest, begin:]
+            for c in range(ends[r + rest] - begin):
+                row[c] += one * g1[c]
+    if first < early:
+        row = between[first, begin:]
+        for c in range(width - begin):
+            row[c] = 0.0
         for j in range(nt):
-            if at_opening[j] > NOTHING:
-                for c in range(ends[j]):
-                    between[0, c] += at_opening[j] * gain[j, c]
-    begin = 0
-    while begin < end_g and along_g[begin] <= NOTHING:
-        begin += 1
-    for r in range(nt):
-        row, out = between[r], value[r]
-        if 0 < r < early:
-            out[:] = value[0]
+            one, g1 = at_opening[j], gain[j, begin:]
+            if one > 0.0:
+                for c in range(ends[j] - begin):
+                    row[c] += one * g1[c]
+    for r in range(first, nt):
+        row, out = between[r, left:], value[r, left:]
+        if first < r < early:
+            out[:] = value[first, left:]
             continue
-        for c in range(ng):
+        for c in range(width - left):
             out[c] = 0.0
-        for d in range(begin, min(end_g, ends[r]), 4):  # weights past the last node are zero
+        for d in range(begin_g, min(end_g, ends[r]), 4):  # weights past the last node are zero
             one, two, three, four = along_g[d], along_g[d + 1], along_g[d + 2], along_g[d + 3]
             g1, g2, g3, g4 = row[d:], row[d + 1 :], row[d + 2 :], row[d + 3 :]
-            for c in range((ends[r] - d + COLUMNS - 1) // COLUMNS * COLUMNS):
+            for c in range((ends[r] - d + COLUMNS - 1) // COLUMNS * COLUMNS - left):
                 out[c] += one * g1[c] + two * g2[c] + three * g3[c] + four * g4[c]
 
 
@@ -253,13 +377,16 @@ def _alive(costs: Costs, nt: int, ng: int, width: int, step_t: float, step_g: fl
 
 
 @njit(cache=True, nogil=True)
-def value_on(order: Ints, ways: Ints, costs: Costs, world: World, windows: Floats, nt: int, ng: int) -> float:
+def value_on(
+    order: Ints, ways: Ints, costs: Costs, world: World, windows: Floats, nt: int, ng: int, like: Reals
+) -> float:
     """Return the value of the plan of an order [n] on a grid of so many nodes of time and drive energy.
 
-    `ways` [places, places] as `ways_of` gives them, `windows` [m, 2].
+    `ways` [places, places] as `ways_of` gives them, `windows` [m, 2]; numbers on the grid are of the type of
+    those of `like`. Nodes at which a state cannot be met are left out.
     """
     steps = steps_of(order, world.obs_place, world.is_place, ways)
-    length, n1 = steps.shape[0], world.n + 1
+    length = steps.shape[0]
     starts, started = np.int64(0), 0
     for k in range(length):
         i = steps[k, 1]
@@ -273,46 +400,42 @@ def value_on(order: Ints, ways: Ints, costs: Costs, world: World, windows: Float
         return 0.0
     plan = layers_of(steps, starts, world, windows, costs)
     step_t, step_g, penalty = costs.t_max / (nt - 1), costs.e_max / (ng - 1), costs.penalty
+    x, y = t / step_t, g / step_g
+    short = like.itemsize == SHORT_BYTES
+    least, faint = (HARDLY, FAINT) if short else (NOTHING, 0.0)
+    kernels = _kernels(plan, steps, costs, world, windows, nt, ng, np.array([x, y]), least)
+    along_t, along_g = kernels.along_t.astype(like.dtype), kernels.along_g.astype(like.dtype)
+    at_opening, odds = kernels.at_opening.astype(like.dtype), plan.odds.astype(like.dtype)
     width = -(-ng // COLUMNS) * COLUMNS
-    alive = _alive(costs, nt, ng, width, step_t, step_g)
-    gain, between, at_opening = np.empty((nt, width)), np.zeros((nt, 2 * width + 4)), np.zeros(nt)
-    along_t, along_g = np.zeros((n1 * n1, nt)), np.zeros((n1, ng + 4))
+    share_within = _alive(costs, nt, ng, width, step_t, step_g)
+    alive = share_within.astype(like.dtype)
+    gain, between = np.zeros((nt, width), like.dtype), np.zeros((nt, 2 * width + 4), like.dtype)
     ends, widest = np.zeros(nt, np.int64), 1
     for r in range(nt - 1, -1, -1):
         ends[r] = ends[r + 1] if r + 1 < nt else 0
         for c in range(ends[r], ng):
-            if alive[r, c] > 0.0:
+            if share_within[r, c] > 0.0:
                 ends[r] = (c // COLUMNS + 1) * COLUMNS
     for k in range(length + 1):
         widest = max(widest, plan.first[k + 1] - plan.first[k])
-    room = np.empty((2, widest, nt, width))
+    room = np.empty((2, widest, nt, width), like.dtype)
+    some = np.zeros(4, like.dtype)  # numbers of its type
+    some[1], some[2] = penalty, faint
+    faintest = some[2]
     later = room[length % 2]
     later[: plan.first[length + 1] - plan.first[length]] = 0.0
     for k in range(length - 1, -1, -1):
         begin, next_one = plan.first[k], plan.first[k + 1]
         values = room[k % 2]
-        end_t, end_g = np.full(n1 * n1, -1), np.full(n1, -1)
-        i, early = steps[k, 1], 0
-        ln = world.obs_ln[i] if steps[k, 0] == OBSERVE else world.leg_ln[0, i]
-        if steps[k, 0] == OBSERVE and windows[i, 0] > 0.0:
-            while early < nt and early * step_t < windows[i, 0]:
-                early += 1
-            _weights(at_opening, nt, -windows[i, 0], step_t, ln[0], ln[1])
+        i, early = steps[k, 1], kernels.early[k]
         for s in range(begin, next_one):
             value, link = values[s - begin], plan.out[s]
+            first, left = kernels.reach[s]
             if plan.what[s] == PASSES:
-                value[:] = later[plan.to[link] - next_one]
+                value[first:, left:] = later[plan.to[link] - next_one, first:, left:]
                 continue
-            won, slot, from_place, shift = penalty, 0, 0, 0.0
-            if plan.what[s] == DRIVES:
-                from_place = plan.states[s, 0]
-                ln = world.leg_ln[from_place, i]
-                tracks = 0
-                for p in range(1, n1):
-                    tracks += (plan.states[s, 2] >> p) & 1
-                slot, shift = from_place * n1 + tracks, tracks * costs.track_leg
-                last = plan.out[s + 1]
-            else:
+            won, last = penalty, plan.out[s + 1]
+            if plan.what[s] == OBSERVES:
                 last = link + 1
                 much = world.worth[i]
                 before = plan.states[s, 1] & world.target_bits[world.obs_place[i]]
@@ -321,34 +444,43 @@ def value_on(order: Ints, ways: Ints, costs: Costs, world: World, windows: Float
                         much *= world.diminishing[world.obs_place[i]]
                         before &= before - 1
                 won += much
-            if end_t[slot] < 0:
-                end_t[slot] = _weights(along_t[slot], nt, -shift, step_t, ln[0], ln[1])
-            if end_g[from_place] < 0:
-                end_g[from_place] = _weights(along_g[from_place], ng, 0.0, step_g, ln[2], ln[3])
-            for r in range(nt):
-                row = gain[r]
-                row[:] = won
+            row_t, row_g = kernels.uses[s]
+            begin_g = (left + kernels.span_g[row_g, 0]) // COLUMNS * COLUMNS
+            some[0] = won
+            for r in range(first + (kernels.span_t[row_t, 0] if early == 0 else 0), nt):
+                row, within, count = gain[r, begin_g:], alive[r, begin_g:], ends[r] - begin_g
+                row[:count] = some[0]
                 for at in range(link, last):
-                    odd, after = plan.odds[at], later[plan.to[at] - next_one, r]
-                    for c in range(width):
+                    odd, after = odds[at], later[plan.to[at] - next_one, r, begin_g:]
+                    for c in range(count):
                         row[c] += odd * after[c]
-                for c in range(width):
-                    row[c] *= alive[r, c]
+                for c in range(count):
+                    much_here = row[c] * within[c]
+                    row[c] = much_here if abs(much_here) > faintest else 0.0
+            spans = (
+                kernels.span_t[row_t, 0], kernels.span_t[row_t, 1],
+                kernels.span_g[row_g, 0], kernels.span_g[row_g, 1],
+            )  # fmt: skip
             _correlate(
-                gain, ends, along_t[slot], end_t[slot], along_g[from_place], end_g[from_place], early,
-                at_opening, between, value,
+                gain, ends, along_t[row_t], along_g[row_g], spans, early, at_opening[k], between, value,
+                first, left,
             )  # fmt: skip
             shut = plan.what[s] == OBSERVES and windows[i, 1] < costs.t_max
-            for r in range(nt):
+            if not shut and penalty == 0.0:
+                continue
+            for r in range(first, nt):
                 share = 1.0
                 if shut:
                     share -= min(max((r * step_t - windows[i, 1]) / step_t + 0.5, 0.0), 1.0)
-                for c in range(width):
-                    value[r, c] = share * (value[r, c] - penalty)
-                    if share < 1.0:
-                        value[r, c] += (1.0 - share) * later[plan.to[link + 1] - next_one, r, c]
+                some[2], some[3] = share, 1.0 - share
+                open_, closed, off, row = some[2], some[3], some[1], value[r, left:]
+                for c in range(width - left):
+                    row[c] = open_ * (row[c] - off)
+                if share < 1.0:
+                    after = later[plan.to[link + 1] - next_one, r, left:]
+                    for c in range(width - left):
+                        row[c] += closed * after[c]
         later = values
-    x, y = t / step_t, g / step_g
     r, c = min(int(x), nt - 2), min(int(y), ng - 2)
     fx, fy = x - r, y - c
     low = (1.0 - fy) * later[0, r, c] + fy * later[0, r, c + 1]

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -197,6 +197,12 @@ class OrdersByBudget:
         if self._held[number] and chance < how.least:
             return -math.inf
         return float(self._curves[number, row, column])
+
+    def worths(self, orders: Collection[Order], how: Widened, at: int) -> list[float]:
+        """Return the values of orders that were looked at, as `worth` gives them, in turn."""
+        numbers = np.fromiter((self.number[order] for order in orders), np.int64, len(orders))
+        found: list[float] = self._worths(how, at, numbers=numbers)[0][:, 0].tolist()
+        return found
 
     def chance(self, order: Order, how: Widened, at: int) -> float:
         """Return the chance that an order makes the observation asked for at factor number `at`, as futures

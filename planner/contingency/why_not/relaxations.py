@@ -60,6 +60,20 @@ class Relaxation:
     plan: Plan = ()
 
 
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """The best order with the observation at a factor, and the values there."""
+
+    factor: float
+    order: Order
+    values: OrderValues
+
+    def relaxation(self, kinds: Collection[str]) -> Relaxation:
+        """Return the change that lets the order in."""
+        plan = route_plan(self.values.model, self.order)
+        return Relaxation(" and ".join(kinds), self.factor, self.values.evaluated(self.order), plan)
+
+
 def smallest_relaxations(question: Question) -> tuple[Relaxation, ...]:
     """Return, least first, the smallest changes found with which the best order makes the observation.
 
@@ -88,7 +102,7 @@ def _least(question: Question, kinds: Collection[str]) -> Relaxation | None:
     leads: dict[int, float] = {}
     behind: dict[Order, dict[int, float]] = {}
     off: dict[int, float] = {}
-    best: tuple[float, Order] | None = None
+    best: _Found | None = None
     at = contest.least(np.zeros(len(numbers)))
     while at is not None and at not in leads and len(leads) < PUT_RIGHT:
         leads[at] = -math.inf
@@ -99,23 +113,18 @@ def _least(question: Question, kinds: Collection[str]) -> Relaxation | None:
             at = at if at < len(numbers) else None
             continue
         leads[at], small, found = valued
-        if leads[at] > 0.0 and (best is None or found < best):
+        if leads[at] > 0.0 and (best is None or found.factor < best.factor):
             best = found
         off[at] = leads[at] - contest.lead(at)
         room = ALL_BUT_EVEN if 0.0 < leads[at] <= small else CLOSE
         at = _next(leads, contest.least(_interpolated(off, numbers)), room)
-    return None if best is None else _relaxation(question, kinds, *best)
+    return None if best is None else best.relaxation(kinds)
 
 
 def _interpolated(off: Mapping[int, float], numbers: Ints) -> Floats:
     """Return what is known at some numbers of factors at all, [factors]; 0 where it is known at none."""
     known = sorted(off)
     return np.interp(numbers, known, [off[k] for k in known]) if known else np.zeros(len(numbers))
-
-
-def _relaxation(question: Question, kinds: Collection[str], factor: float, order: Order) -> Relaxation:
-    model = Model.of(widened(question.problem, question.what, kinds, factor))
-    return Relaxation(" and ".join(kinds), factor, OrderValues(model)[order], route_plan(model, order))
 
 
 def _next(leads: Mapping[int, float], told: int | None, room: int) -> int | None:
@@ -143,9 +152,9 @@ def _valued(
     contest: Contest,
     at: int,
     behind: dict[Order, dict[int, float]],
-) -> tuple[float, float, tuple[float, Order]] | None:
+) -> tuple[float, float, _Found] | None:
     """Return the lead at a factor as values without sampling tell it, how much of a lead is none to speak of,
-    and the factor with its best order.
+    and the best order.
 
     None where all orders that more futures take for the best make the observation too seldom. `behind` says
     by what share of its value orders are behind the best of their side, by the number of the factor; it is
@@ -164,7 +173,7 @@ def _valued(
     for side, one in ((with_it, best), (without, rival or best)):
         for order in side:
             behind.setdefault(order, {})[at] = values.behind(order, one)
-    return lead, AHEAD * abs(values.roughly(best)), (factor, best)
+    return lead, AHEAD * abs(values.roughly(best)), _Found(factor, best, values)
 
 
 def _may_lead(behind: Mapping[int, float], at: int) -> bool:
