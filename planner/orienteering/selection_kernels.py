@@ -12,7 +12,19 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from planner.orienteering.tour_kernels import LABEL, PLACE, PRICED, random, shorten
+from planner.orienteering.tour_kernels import (
+    BACK,
+    BEFORE,
+    FOLLOW,
+    LABEL,
+    PLACE,
+    PRICED,
+    put_in,
+    random,
+    route_of,
+    shorten,
+    tour_of,
+)
 
 Array = npt.NDArray[Any]
 
@@ -21,100 +33,84 @@ _FAR = 1e300
 
 
 @numba.njit(cache=True, nogil=True)
-def _beside(
-    d: Array, near: Array, inside: Array, before: Array, follow: Array, v: int, first: int, work: Array
-) -> int:
+def _beside(d: Array, near: Array, tour: Array, v: int, work: Array) -> int:
     """Return the node behind which v is put in at least cost, next to what is nearest or else anywhere."""
     place, extra = -1, 0
+    row = d[v]
     for q in range(near.shape[1]):
         w = near[v, q]
         if w < 0:
             break
         work[PLACE] += 1
-        if inside[w]:
-            for a in (before[w], w):
-                e = d[a, v] + d[v, follow[a]] - d[a, follow[a]]
-                if place < 0 or e < extra:
-                    place, extra = a, e
-    if place < 0:
-        a = first
-        while follow[a] >= 0:
-            work[PLACE] += 1
-            e = d[a, v] + d[v, follow[a]] - d[a, follow[a]]
+        if tour[w, BEFORE] >= 0:
+            b, c = tour[w, BEFORE], tour[w, FOLLOW]
+            e = row[b] + row[w] - tour[w, BACK]
             if place < 0 or e < extra:
-                place, extra = a, e
-            a = follow[a]
+                place, extra = b, e
+            e = row[w] + row[c] - tour[c, BACK]
+            if e < extra:
+                place, extra = w, e
+    if place < 0:
+        w = 0
+        while tour[w, FOLLOW] >= 0:
+            work[PLACE] += 1
+            b = tour[w, FOLLOW]
+            e = row[w] + row[b] - tour[b, BACK]
+            if place < 0 or e < extra:
+                place, extra = w, e
+            w = b
     return place
 
 
 @numba.njit(cache=True, nogil=True)
-def tour_with(d: Array, near: Array, more: Array, route: Array, state: Array, work: Array) -> Array:
+def tour_with(
+    d: Array, near: Array, apart: Array, more: Array, route: Array, state: Array, work: Array
+) -> Array:
     """Return a short tour (k,) of a route and the nodes of `more` that it lacks.
 
     Parameters
     ----------
-    d, near, work
-        Lengths (n, n), neighbours (n, K) and counted work (KINDS,), as in `tour_kernels`.
     more, route
         Nodes (m,) to put in next to what is nearest, in a random order, and a tour (r,) with fixed ends.
     state
         Of the random numbers (1,); moved on.
+    work
+        Counted (KINDS,), as in `tour_kernels`.
     """
     n = len(d)
-    follow = np.full(n, -1, np.int64)
-    inside = np.zeros(n, np.bool_)
-    for i in range(len(route)):
-        inside[route[i]] = True
-        if i + 1 < len(route):
-            follow[route[i]] = route[i + 1]
-    before = np.full(n, -1, np.int64)
-    for i in range(1, len(route)):
-        before[route[i]] = route[i - 1]
+    tour, was = tour_of(d, route)
     waiting = np.empty(len(more), np.int64)
     count = 0
     for v in more:
-        if not inside[v]:
+        if tour[v, BEFORE] < 0 and tour[v, FOLLOW] < 0:
             waiting[count] = v
             count += 1
     for i in range(count - 1, 0, -1):
         j = int(random(state) * (i + 1))
         waiting[i], waiting[j] = waiting[j], waiting[i]
-    last = route[len(route) - 1]
-    for k in range(count):
-        v = waiting[k]
-        place = _beside(d, near, inside, before, follow, v, route[0], work)
-        inside[v] = True
-        after = follow[place]
-        follow[place], before[v], follow[v], before[after] = v, place, after, v
-    tour, at = np.empty(n + 1, np.int64), np.full(n, -1, np.int64)
-    size, w = 0, route[0]
-    while True:
-        tour[size] = w
-        at[w] = size
-        size += 1
-        if w == last:
-            break
-        w = follow[w]
-    queue, waits = np.empty(4 * n + 8, np.int64), np.zeros(n, np.bool_)
-    for i in range(size):
-        queue[i] = tour[i]
-        waits[tour[i]] = True
-    shorten(d, tour, size, near, at, queue, waits, size, work)
-    return tour[:size].copy()
+    for v in waiting[:count]:
+        a = _beside(d, near, tour, v, work)
+        put_in(tour, was, a, v, d[v, a], d[v, tour[a, FOLLOW]])
+    whole, queue, waits = np.empty(n, np.int64), np.empty(4 * n + 8, np.int64), np.zeros(n, np.bool_)
+    size = route_of(tour, whole)
+    queue[:size] = whole[:size]
+    for v in whole[:size]:
+        waits[v] = True
+    shorten(d, near, apart, tour, was, queue, waits, size, work)
+    return whole[: route_of(tour, whole)].copy()
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})  # a maximum is the same in any order
+@numba.njit(cache=True, nogil=True)
 def _onward(apart: Array, worth: Array, penalty: float, best: Array, top: Array) -> None:
     """Fill in what is most from each place on (m,) at a penalty on length, with its own prize and without."""
-    m = len(worth)
-    best[m - 1] = top[m - 1] = 0.0
-    for i in range(m - 2, -1, -1):
-        most = -_FAR
-        for k in range(i + 1, m):
-            x = best[k] - penalty * apart[i, k]
-            most = x if x > most else most
-        top[i] = most
-        best[i] = most + worth[i]
+    top[:] = -_FAR
+    top[-1] = 0.0
+    for k in range(len(worth) - 1, -1, -1):
+        here = top[k] + worth[k]
+        best[k] = here
+        for i in range(k):  # place by place, so that one instruction does several: a maximum of a row cannot
+            x = here - penalty * apart[k, i]
+            top[i] = x if x > top[i] else top[i]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -137,16 +133,18 @@ def _walked(
     return value, length, size
 
 
-@numba.njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
+@numba.njit(cache=True, nogil=True)
 def _so_far(apart: Array, worth: Array, penalty: float, most: Array) -> None:
     """Fill in what is most up to each place (m,) at a penalty on length, with its own prize."""
     most[:] = -_FAR
     most[0] = 0.0
-    for i in range(len(worth) - 1):
-        most[i] += worth[i]
-        for k in range(i + 1, len(worth)):
-            x = most[i] - penalty * apart[i, k]
-            most[k] = x if x > most[k] else most[k]
+    for i in range(len(worth)):
+        here = most[i] + worth[i]
+        most[i] = here
+        road, beyond = apart[i, i + 1 :], most[i + 1 :]
+        for k in range(len(road)):
+            x = here - penalty * road[k]
+            beyond[k] = x if x > beyond[k] else beyond[k]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -161,14 +159,13 @@ def _ways(
     m = len(worth)
     most = np.empty(m)
     _so_far(apart, worth, penalty, most)
-    work[PRICED] += m * m
-    first, heads, count = np.zeros(m + 1, np.int64), np.empty(64 * m, np.int64), 0
+    work[PRICED] += m * m // 2
+    first, heads, count = np.zeros(m + 1, np.int64), np.empty(m * m // 2, np.int64), 0
     for i in range(m - 1):
-        if most[i] + best[i] - worth[i] > least:
+        needed = least - most[i]
+        if best[i] - worth[i] > needed:
             for k in range(i + 1, m):
-                if most[i] + best[k] - penalty * apart[i, k] > least:
-                    if count == len(heads):
-                        heads = np.concatenate((heads, np.empty(count, np.int64)))
+                if best[k] - penalty * apart[i, k] > needed:
                     heads[count] = k
                     count += 1
         first[i + 1] = count
@@ -190,7 +187,7 @@ def _along(
     while True:
         penalty = (high_value - low_value) / (high_length - low_length)
         _onward(apart, worth, penalty, best, top)
-        work[PRICED] += m * m // 2
+        work[PRICED] += m * m // 12
         value, length, size = _walked(apart, worth, penalty, best, top, places)
         gain = value - penalty * length - (low_value - penalty * low_length)
         if gain <= 1e-9 * (1.0 + value):
@@ -233,11 +230,10 @@ def part_within(
     apart, worth, whole = np.empty((m, m)), np.empty(m), 0
     for i in range(m):
         worth[i] = prize[tour[i]]
-        row = d[tour[i]]
-        for k in range(i + 1, m):
-            apart[i, k] = row[tour[k]]
+        for k in range(m):
+            apart[i, k] = d[tour[i], tour[k]]
         if i + 1 < m:
-            whole += row[tour[i + 1]]
+            whole += d[tour[i], tour[i + 1]]
     work[PRICED] += m * m
     if whole <= budget:
         return tour.copy()

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from planner.orienteering.check import checked
 from planner.orienteering.problem import RoutingProblem, RoutingSolution
 from planner.orienteering.selection_kernels import part_within, tour_with
-from planner.orienteering.survey_kernels import anneal
+from planner.orienteering.survey_kernels import POWERS, anneal
 from planner.orienteering.tour_kernels import KINDS, PRICED
 from planner.tally import SECONDS, Step, affordable, spend
 
@@ -30,9 +30,12 @@ Array = npt.NDArray[Any]
 
 # By hand, on the tuning files that docs/results/orienteering.md names, where nothing else is said.
 _NEIGHBOURS = 24  # nearest nodes kept of each
-_BUCKETS = 64  # of length, when a tour's best part is taken
+_BUCKETS = 64  # of length, when a child's best part is taken
+_FIRST = (
+    16  # the same of a first tour, which is annealed long: with 64 this took a third of a second on d657-gen3
+)
 _BEGUN = 0.25  # share of the limit for the first tours of a population
-_FEWEST, _MOST = 3, 30  # tours of a population
+_FEWEST, _MOST = 3, 50  # tours of a population
 _START = 3000  # steps of a first tour
 _CHILD = 400  # steps of a child: with 1200 the mean gap on eight files after 1 s was 0.2 % more
 _LEAST = 0.97  # of its parent's prize, for a child before it is annealed: to find less takes long
@@ -46,12 +49,11 @@ _PIECES = 50  # of one annealing alone, so that it can be stopped
 _UNLIMITED = 1 << 60  # steps
 
 _LAID_OUT = 2.5  # cost of each pair of nodes, when the neighbours are sorted
-_WEIGHTS = np.array([0.53, 0.92, 0.67, 0.077, 0.08, 0.3])
+_WEIGHTS = np.array([0.52, 0.34, 0.67, 0.59, 0.078, 0.23])
 """Cost of each kind of work in `tour_kernels` (KINDS,), in `Step.SURVEY`.
 
-Least squares over tours of the tuning files, and four tenths more for a machine whose cores and caches
-others share, where a fifth more took up to half above its limit. The last two are against the others on tours
-of 185 to 784 nodes (lin318-gen3, rat783-gen1, p654-gen2, fl417-gen3).
+Least squares over seven of the tuning files beside other work, measured in turns with the code before, which
+used 1.05 to 1.12 of its limit alone on a core: such that a limit as reckoned uses the same there.
 """
 
 
@@ -75,12 +77,15 @@ class SurveyMap:
     """A survey laid out for the compiled search: node 0 is the start, node n - 1 the end.
 
     Lengths (n, n) and prizes (n,) are integers; `usable` are the nodes that a tour within the budget may
-    visit and that are worth it, `near` (n, K) the nearest of them, -1 as filler.
+    visit and that are worth it, `near` (n, K) the nearest of them, -1 as filler, and `apart` (n, K) how far
+    they are. `powers` (P, n) are the prizes to each of `survey_kernels.POWERS`.
     """
 
     length: Array
     prize: Array
     near: Array
+    apart: Array
+    powers: Array
     usable: Array
     budget: int
 
@@ -100,12 +105,15 @@ class SurveyMap:
         usable = np.nonzero((d[0] + d[:, n - 1] <= budget) & inner & (prize > 0))[0]
         k = min(len(usable), _NEIGHBOURS)
         near = np.full((n, max(1, k)), -1, dtype=np.int64)
+        apart = np.full((n, max(1, k)), np.iinfo(np.int64).max)
         for v in range(n if k else 0):
             others = usable[usable != v]
             order = np.argsort(d[v, others], kind="stable")[:k]
             near[v, : len(order)] = others[order]
+            apart[v, : len(order)] = d[v, others[order]]
         spend(Step.SURVEY, _LAID_OUT * n * n)
-        return SurveyMap(d, prize, near, usable, budget)
+        powers = prize[None, :] ** POWERS[:, None]
+        return SurveyMap(d, prize, near, apart, powers, usable, budget)
 
     @property
     def nodes(self) -> int:
@@ -119,11 +127,12 @@ class SurveyMap:
     def selected(self, route: Array, more: Array, least: int, state: Array) -> tuple[Array, float]:
         """Return the best part of a tour through a route (k,) and more nodes (m,), and the cost.
 
-        Parts worth less than `least` are not looked for thoroughly.
+        Parts worth less than `least` are not looked for thoroughly; where it is 0, none is.
         """
         work = np.zeros(KINDS, dtype=np.int64)
-        tour = tour_with(self.length, self.near, more, route, state, work)
-        part = part_within(self.length, self.prize, tour, self.budget, _BUCKETS, least, work)
+        tour = tour_with(self.length, self.near, self.apart, more, route, state, work)
+        buckets = _BUCKETS if least > 0 else _FIRST
+        part = part_within(self.length, self.prize, tour, self.budget, buckets, least, work)
         cost = float(work @ _WEIGHTS)
         spend(Step.SURVEY, cost)
         return part, cost
@@ -146,8 +155,10 @@ class SurveyMap:
         heat = np.array([hot * mean, cold * mean])
         best, done, cost = anneal(
             self.length,
-            self.prize,
             self.near,
+            self.apart,
+            self.prize,
+            self.powers,
             self.budget,
             route,
             heat,

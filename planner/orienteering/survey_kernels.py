@@ -15,7 +15,27 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from planner.orienteering.tour_kernels import KINDS, MOVED, OFFER, cheapest, random, shorten
+from planner.orienteering.tour_kernels import (
+    BACK,
+    BEFORE,
+    COUNT,
+    FOLLOW,
+    KINDS,
+    MOVED,
+    NODE,
+    OFFER,
+    STEP,
+    cheapest,
+    kernel,
+    part,
+    put_in,
+    random,
+    route_of,
+    shorten,
+    take_out,
+    tour_of,
+    undo,
+)
 
 Array = npt.NDArray[Any]
 
@@ -32,148 +52,195 @@ _EVERY = 16  # steps between two updates of penalty and temperature
 _DOUBT = 0.2  # random part of the penalty at which one node is put in
 _NOISE = 0.4  # most random part of the order in which nodes are put in
 _LEAST = 1e-9  # penalty on length, in mean prize over budget: where everything fits, length costs nothing
+_TURNS = 4  # times that nodes are put in and the tour is shortened in a step, if both change it
+POWERS = np.linspace(0.5, 2.0, 16)
+"""Of prize, in the order in which nodes are put in; a step takes one of them."""
+
+WHICH, AFTER, EXTRA = range(3)
+"""Columns of what is offered (n, 3): the node, the one behind which it costs least, and its detour there."""
+SCORE, APPEAL, MOST = range(3)
+"""Columns of its worth (n, 3): appeal against detour, appeal, and the longest detour that it is worth."""
 
 
-@numba.njit(cache=True, nogil=True)
+@part
+def _let_wait(queue: Array, waits: Array, waiting: int, v: int) -> int:
+    """Let a node wait that does not; return how many wait."""
+    if not waits[v]:
+        waits[v] = True
+        queue[waiting] = v
+        waiting += 1
+    return waiting
+
+
+@kernel
 def _take_out(
-    near: Array, tour: Array, at: Array, size: int, state: Array, gone: Array, out: Array
-) -> tuple[int, int, int, int]:
-    """Take strings round a random node out of a tour; return its size, how many, first and last place."""
+    d: Array,
+    near: Array,
+    tour: Array,
+    was: Array,
+    centre: int,
+    size: int,
+    state: Array,
+    gone: Array,
+    offers: Array,
+) -> tuple[int, int]:
+    """Take strings round a node out of a tour and offer them again; return how many nodes, and the change."""
     width = near.shape[1]
-    centre = tour[1 + int(random(state) * (size - 2))]
     longest = min(_STRING, max(1, (size - 2) // 2))
-    first, last = size, 0
+    count = 0
     for c in range(1 + int(random(state) * _STRINGS)):
-        pick = at[centre]
+        v = centre
         if c > 0:
             v = near[centre, int(random(state) * width)]
-            if v < 0 or at[v] < 0:
+            if v < 0 or tour[v, BEFORE] < 0:
                 continue
-            pick = at[v]
         run = 1 + int(random(state) * longest)
-        low = max(1, pick - int(random(state) * run))
-        high = min(size - 1, low + run)
-        for i in range(low, high):
-            gone[tour[i]] = True
-        first, last = min(first, low), max(last, high)
-    count, k = 0, first
-    for i in range(first, size):
-        v = tour[i]
-        if gone[v]:
-            gone[v] = False
-            at[v] = -1
-            out[count] = v
-            count += 1
-        else:
-            tour[k] = v
-            at[v] = k
-            k += 1
-    return k, count, first, last
+        for _ in range(int(random(state) * run)):
+            if tour[tour[v, BEFORE], BEFORE] >= 0:
+                v = tour[v, BEFORE]
+        for _ in range(run):
+            if not gone[v]:
+                gone[v] = True
+                offers[count, WHICH] = v
+                count += 1
+            v = tour[v, FOLLOW]
+            if tour[v, FOLLOW] < 0:
+                break
+    change = 0
+    for k in range(count):
+        v = offers[k, WHICH]
+        gone[v] = False
+        change += take_out(tour, was, d, v)
+    return count, change
 
 
-@numba.njit(cache=True, nogil=True)
-def _close(
-    d: Array, tour: Array, trial: Array, size: int, first: int, last: int, queue: Array, waits: Array
-) -> tuple[int, int]:
-    """Return the change of length where strings were taken out, and how many nodes beside holes wait."""
-    change, waiting, j = 0, 0, first - 1
-    for i in range(first - 1, size - 1):
-        if j >= last:
-            break
-        a, b = trial[i], trial[i + 1]
-        if tour[j + 1] == b:
-            j += 1
-            continue
-        change += d[a, b]
-        while tour[j] != b:
-            change -= d[tour[j], tour[j + 1]]
-            j += 1
-        for w in (a, b):
-            if not waits[w]:
-                waits[w] = True
-                queue[waiting] = w
-                waiting += 1
-    return change, waiting
+@kernel
+def _beside_holes(tour: Array, was: Array, queue: Array, waits: Array) -> int:
+    """Let the nodes beside holes wait; return how many."""
+    waiting = 0
+    for k in range(1, was[0, COUNT] + 1):
+        v = was[k, NODE]
+        if tour[v, BEFORE] >= 0 or tour[v, FOLLOW] >= 0:
+            waiting = _let_wait(queue, waits, waiting, v)
+    return waiting
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel
+def _offer(
+    near: Array,
+    tour: Array,
+    queue: Array,
+    waiting: int,
+    shown: int,
+    marked: Array,
+    step: int,
+    offers: Array,
+    count: int,
+) -> int:
+    """Offer what is near the first that wait, beside what is offered already; return how many are."""
+    for c in range(count):
+        marked[offers[c, WHICH]] = step
+    for p in range(waiting):
+        a = queue[p]
+        for q in range(min(near.shape[1], shown)):
+            v = near[a, q]
+            if v >= 0 and tour[v, BEFORE] < 0 and marked[v] != step:
+                marked[v] = step
+                offers[count, WHICH] = v
+                count += 1
+    return count
+
+
+@kernel
 def _rebuild(
     d: Array,
     near: Array,
-    limit: int,
+    apart: Array,
     tour: Array,
-    at: Array,
+    was: Array,
     size: int,
-    length: int,
-    offered: Array,
-    count: int,
-    appeal: Array,
-    most: Array,
+    room: int,
     small: float,
-    after: Array,
-    extra: Array,
-    score: Array,
+    offers: Array,
+    worth: Array,
+    count: int,
     queue: Array,
     waits: Array,
     waiting: int,
     work: Array,
 ) -> tuple[int, int, int]:
-    """Put offered nodes in, best appeal against detour first, none at more than `most` of it.
+    """Put offered nodes in, best appeal against detour first, none at more detour than it is worth.
 
-    Returns size and length of the tour and how many nodes wait to be shortened.
+    `size` is how many nodes the tour has, `room` the length that may be added. Returns how many nodes are
+    offered still, before those put in; the length added; and how many nodes wait to be shortened.
     """
+    added, looked = 0, count
+    best, best_score = -1, 0.0
     for c in range(count):
-        v = offered[c]
-        score[c] = -1.0
-        if at[v] < 0:
-            after[c], extra[c] = cheapest(d, tour, size, near, at, v, work)
-            score[c] = appeal[c] / (max(extra[c], 0) + small)
-    while True:
-        best, best_score = -1, 0.0
-        work[OFFER] += count
-        for c in range(count):
-            if score[c] > best_score and extra[c] <= most[c] and length + extra[c] <= limit:
-                best, best_score = c, score[c]
-        if best < 0:
-            return size, length, waiting
-        v, a = offered[best], after[best]
-        i = at[a]
-        b = tour[i + 1]
-        work[MOVED] += size - i
-        for k in range(size, i + 1, -1):
-            w = tour[k - 1]
-            tour[k] = w
-            at[w] = k
-        tour[i + 1] = v
-        at[v] = i + 1
+        after, extra = cheapest(d, near, apart, tour, size, offers[c, WHICH], work)
+        score = worth[c, APPEAL] / (max(extra, 0) + small)
+        offers[c, AFTER], offers[c, EXTRA], worth[c, SCORE] = after, extra, score
+        if score > best_score and extra <= worth[c, MOST] and extra <= room:
+            best, best_score = c, score
+    while best >= 0:
+        v, a = offers[best, WHICH], offers[best, AFTER]
+        b = tour[a, FOLLOW]
+        av, vb = d[v, a], d[v, b]
+        added += offers[best, EXTRA]
+        left = room - added
         size += 1
-        length += extra[best]
-        score[best] = -1.0
-        for w in (a, v, b):
-            if not waits[w]:
-                waits[w] = True
-                queue[waiting] = w
-                waiting += 1
-        av, vb = d[a, v], d[v, b]
+        put_in(tour, was, a, v, av, vb)
+        waiting = _let_wait(queue, waits, waiting, a)
+        waiting = _let_wait(queue, waits, waiting, v)
+        waiting = _let_wait(queue, waits, waiting, b)
+        count -= 1
+        for k in range(3):
+            offers[best, k], offers[count, k] = offers[count, k], offers[best, k]
+            worth[best, k], worth[count, k] = worth[count, k], worth[best, k]
+        best, best_score = -1, 0.0
+        looked += count
         for c in range(count):
-            if score[c] < 0.0:
-                continue
-            w = offered[c]
-            if after[c] == a:  # its place is gone
-                after[c], extra[c] = cheapest(d, tour, size, near, at, w, work)
+            w, extra = offers[c, WHICH], offers[c, EXTRA]
+            if offers[c, AFTER] == a:  # its place is gone
+                after, extra = cheapest(d, near, apart, tour, size, w, work)
+                offers[c, AFTER], offers[c, EXTRA] = after, extra
+                worth[c, SCORE] = worth[c, APPEAL] / (max(extra, 0) + small)
             else:
                 one, two = d[a, w] + d[v, w] - av, d[v, w] + d[b, w] - vb
-                if min(one, two) >= extra[c]:
-                    continue
-                after[c], extra[c] = (a, one) if one <= two else (v, two)
-            score[c] = appeal[c] / (max(extra[c], 0) + small)
+                if min(one, two) < extra:
+                    after, extra = (a, one) if one <= two else (v, two)
+                    offers[c, AFTER], offers[c, EXTRA] = after, extra
+                    worth[c, SCORE] = worth[c, APPEAL] / (max(extra, 0) + small)
+            if worth[c, SCORE] > best_score and extra <= worth[c, MOST] and extra <= left:
+                best, best_score = c, worth[c, SCORE]
+    work[OFFER] += looked
+    return count, added, waiting
+
+
+@kernel
+def _list_again(tour: Array, was: Array, inner: Array, place: Array, count: int) -> None:
+    """Bring the list of inner nodes (n,), of which there were `count`, up to date after a step."""
+    for k in range(1, was[0, COUNT] + 1):
+        v = was[k, NODE]
+        inside = tour[v, BEFORE] >= 0
+        if inside == (was[k, BEFORE] >= 0):
+            continue
+        if inside:
+            inner[count], place[v] = v, count
+            count += 1
+        else:
+            count -= 1
+            w = inner[count]
+            inner[place[v]], place[w] = w, place[v]
 
 
 @numba.njit(cache=True, nogil=True)
 def anneal(
     d: Array,
-    prize: Array,
     near: Array,
+    apart: Array,
+    prize: Array,
+    powers: Array,
     budget: int,
     route: Array,
     heat: Array,
@@ -187,9 +254,10 @@ def anneal(
 
     Parameters
     ----------
-    d, prize, near
-        Lengths (n, n), integers in the unit of `budget`; prizes (n,); neighbours (n, K) as in `tour_kernels`.
-        The tour runs from node 0 to node n - 1.
+    d, near, apart
+        Lengths in the unit of `budget`, and neighbours, as in `tour_kernels`.
+    prize, powers
+        Prizes (n,), integers, 0 at both ends; and to each of `POWERS` (16, n).
     route
         Tour (k,) to begin with, nodes by number, within the budget.
     heat
@@ -203,25 +271,20 @@ def anneal(
     weight
         Cost (KINDS,) of each kind of work.
     """
-    n, width = len(d), near.shape[1]
+    n = len(prize)
     work = np.zeros(KINDS, np.int64)
-    tour, trial, best = np.empty(n + 1, np.int64), np.empty(n + 1, np.int64), np.empty(n + 1, np.int64)
-    at = np.full(n, -1, np.int64)
+    tour, was = tour_of(d, route)
     size, length, value = len(route), 0, 0
-    for i in range(size):
-        tour[i] = trial[i] = route[i]
-        at[route[i]] = i
+    inner, place = np.empty(n, np.int64), np.empty(n, np.int64)
+    for i in range(1, size):
+        length += tour[route[i], BACK]
         value += prize[route[i]]
-        if i:
-            length += d[route[i - 1], route[i]]
-    best_size, best_value, best_length = size, value, length
-    best[:size] = tour[:size]
-    offered = np.empty(n, np.int64)
-    marked = np.full(n, -1, np.int64)
-    queue = np.empty(4 * n + 8, np.int64)
-    waits, gone = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
-    after, extra = np.empty(n, np.int64), np.empty(n, np.int64)
-    score, appeal, dearest = np.empty(n), np.empty(n), np.empty(n)
+        inner[i - 1], place[route[i]] = route[i], i - 1
+    best, best_size, best_value, best_length = np.empty(n, np.int64), size, value, length
+    best[:size] = route
+    offers, worth = np.empty((n, 3), np.int64), np.empty((n, 3))
+    queue, waits = np.empty(4 * n + 8, np.int64), np.zeros(n, np.bool_)
+    marked, gone = np.zeros(n, np.int64), np.zeros(n, np.bool_)
     holes, shown = (_HOLES, _OFFERED) if n > _SMALL else (_MANY, _MANY)
     limit = int(budget * (1.0 + _OVER))
     least = _LEAST * heat[0] / max(1, budget)
@@ -230,9 +293,7 @@ def anneal(
     step = 0
     while step < steps:
         if step % _EVERY == 0:
-            spent = 0.0
-            for k in range(KINDS):
-                spent += work[k] * weight[k]
+            spent = (work * weight).sum()
             if spent >= most:
                 break
             warm = heat[0] * math.exp(cooling * max(step / steps, spent / most))
@@ -240,79 +301,52 @@ def anneal(
             penalty[0] = max(least, penalty[0] * math.exp(_DRIFT * over))
             now = penalty[0] * math.exp(_FOLLOW * over)
         step += 1
-        m, m_length, count, waiting = size, length, 0, 0
-        if m > 2:
-            m, count, first, last = _take_out(near, trial, at, m, state, gone, offered)
-            change, waiting = _close(d, tour, trial, m, first, last, queue, waits)
-            m_length += change
+        was[0, STEP], was[0, COUNT] = step, 0
+        grown, earned, count, waiting = 0, 0, 0, 0
+        if size > 2:
+            centre = inner[int(random(state) * (size - 2))]
+            count, grown = _take_out(d, near, tour, was, centre, size, state, gone, offers)
+            waiting = _beside_holes(tour, was, queue, waits)
         else:  # a tour of nothing has two ends and no hole
-            queue[0], queue[1], waiting = 0, n - 1, 2
-            waits[0] = waits[n - 1] = True
+            waiting = _let_wait(queue, waits, _let_wait(queue, waits, 0, 0), n - 1)
+        m = size - count
         for c in range(count):
-            marked[offered[c]] = step
-        for p in range(min(waiting, holes)):
-            for q in range(min(width, shown)):
-                v = near[queue[p], q]
-                if v >= 0 and at[v] < 0 and marked[v] != step:
-                    marked[v] = step
-                    offered[count] = v
-                    count += 1
-        power, noise = 0.5 + 1.5 * random(state), _NOISE * random(state)
+            earned -= prize[offers[c, WHICH]]
+        count = _offer(near, tour, queue, min(waiting, holes), shown, marked, step, offers, count)
+        offered = count
+        of, noise = int(random(state) * len(powers)), _NOISE * random(state)
         small = 0.02 * budget / m + 1e-9
         for c in range(count):
-            worth = float(prize[offered[c]])
-            appeal[c] = worth**power * (1.0 + noise * (2.0 * random(state) - 1.0))
-            dearest[c] = worth / now * (1.0 + _DOUBT * (2.0 * random(state) - 1.0))
-        for turn in range(4):
-            before = m
-            m, m_length, waiting = _rebuild(
-                d,
-                near,
-                limit,
-                trial,
-                at,
-                m,
-                m_length,
-                offered,
-                count,
-                appeal,
-                dearest,
-                small,
-                after,
-                extra,
-                score,
-                queue,
-                waits,
-                waiting,
-                work,
+            v = offers[c, WHICH]
+            worth[c, APPEAL] = powers[of, v] * (1.0 + noise * (2.0 * random(state) - 1.0))
+            worth[c, MOST] = prize[v] / now * (1.0 + _DOUBT * (2.0 * random(state) - 1.0))
+        for turn in range(_TURNS):
+            before = count
+            room = limit - length - grown
+            count, added, waiting = _rebuild(
+                d, near, apart, tour, was, m, room, small, offers, worth, count, queue, waits, waiting, work
             )
-            if turn > 0 and m == before:
+            m += before - count
+            grown += added
+            if turn > 0 and count == before:
                 break
-            change = shorten(d, trial, m, near, at, queue, waits, waiting, work)
+            change = shorten(d, near, apart, tour, was, queue, waits, waiting, work)
             waiting = 0
-            m_length += change
+            grown += change
             if change == 0:
                 break
-        m_value = 0
-        for i in range(m):
-            m_value += prize[trial[i]]
-        if m_length <= budget and (
-            m_value > best_value or (m_value == best_value and m_length < best_length)
+        work[MOVED] += was[0, COUNT]
+        for c in range(count, offered):
+            earned += prize[offers[c, WHICH]]
+        if length + grown <= budget and (
+            value + earned > best_value or (value + earned == best_value and length + grown < best_length)
         ):
-            best_size, best_value, best_length = m, m_value, m_length
-            best[:m] = trial[:m]
-        work[MOVED] += size + m
-        delta = (m_value - value) - now * (m_length - length)
+            best_size, best_value, best_length = route_of(tour, best), value + earned, length + grown
+            work[MOVED] += best_size
+        delta = earned - now * grown
         if delta >= 0 or random(state) < math.exp(delta / warm):
-            size, value, length = m, m_value, m_length
-            tour[:m] = trial[:m]
+            _list_again(tour, was, inner, place, size - 2)
+            size, value, length = m, value + earned, length + grown
         else:
-            for i in range(m):
-                at[trial[i]] = -1
-            for i in range(size):
-                trial[i] = tour[i]
-                at[tour[i]] = i
-    spent = 0.0
-    for k in range(KINDS):
-        spent += work[k] * weight[k]
-    return best[:best_size].copy(), step, spent
+            undo(tour, was)
+    return best[:best_size].copy(), step, (work * weight).sum()

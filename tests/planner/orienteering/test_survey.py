@@ -15,7 +15,19 @@ from hypothesis import strategies as st
 from planner.orienteering import Experiment, RoutingProblem
 from planner.orienteering.selection_kernels import part_within, tour_with
 from planner.orienteering.survey import SurveyMap, solve_survey
-from planner.orienteering.tour_kernels import KINDS, LABEL
+from planner.orienteering.tour_kernels import (
+    COUNT,
+    KINDS,
+    LABEL,
+    STEP,
+    cheapest,
+    put_in,
+    route_of,
+    shorten,
+    take_out,
+    tour_of,
+    undo,
+)
 from planner.tally import StoppedError, tallied
 
 Array = npt.NDArray[Any]
@@ -80,9 +92,47 @@ def test_a_tour_with_more_nodes_has_them_all_once() -> None:
     m = SurveyMap.of(_problem(3, 40, 500))
     route = m.first_route(m.usable[:5])
     state = np.array([np.uint64(1)])
-    tour = tour_with(m.length, m.near, m.usable, route, state, np.zeros(KINDS, dtype=np.int64))
+    tour = tour_with(m.length, m.near, m.apart, m.usable, route, state, np.zeros(KINDS, dtype=np.int64))
     assert sorted(tour.tolist()) == list(range(m.nodes))
     assert (tour[0], tour[-1]) == (0, m.nodes - 1)
+
+
+def _nodes_of(tour: Array) -> Array:
+    route = np.empty(len(tour), dtype=np.int64)
+    return route[: route_of(tour, route)].copy()
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32), st.integers(4, 30))
+def test_a_step_changes_the_length_as_it_says_and_can_be_undone(seed: int, nodes: int) -> None:
+    """Taken out, put in again where it costs least and shortened; the lengths added up anew each time."""
+    m = SurveyMap.of(_problem(seed, nodes, 10_000))
+    rng = np.random.default_rng(seed)
+    begun = np.array([0, *rng.permutation(np.arange(1, nodes)), m.nodes - 1])
+    tour, was = tour_of(m.length, begun)
+    was[0, STEP], was[0, COUNT] = 1, 0
+    work = np.zeros(KINDS, dtype=np.int64)
+    v = int(rng.integers(1, nodes))
+    length = _length(m, begun) + take_out(tour, was, m.length, v)
+    left = _nodes_of(tour)
+    assert v not in left
+    assert length == _length(m, left)
+    after, extra = cheapest(m.length, m.near, m.apart, tour, len(left), v, work)
+    detours = m.length[left[:-1], v] + m.length[v, left[1:]] - m.length[left[:-1], left[1:]]
+    if len(left) <= 12:  # a longer tour is looked at near the node alone
+        assert extra == detours.min()
+    assert extra == detours[left[:-1] == after]
+    put_in(tour, was, after, v, m.length[after, v], m.length[v, left[1:][left[:-1] == after][0]])
+    queue, waits = np.arange(4 * m.nodes + 8), np.zeros(m.nodes, dtype=np.bool_)
+    waits[:] = True
+    change = shorten(m.length, m.near, m.apart, tour, was, queue, waits, m.nodes, work)
+    found = _nodes_of(tour)
+    assert length + extra + change == _length(m, found) <= length + extra
+    assert sorted(found.tolist()) == list(range(m.nodes))
+    undo(tour, was)
+    assert _nodes_of(tour).tolist() == begun.tolist()
+    fresh, _ = tour_of(m.length, begun)
+    assert (tour[1:, :3] == fresh[1:, :3]).all()
 
 
 @pytest.mark.parametrize("budget", [0, 20, 150, 400])
