@@ -42,7 +42,7 @@ LP_SHARE = 8.0
 """What the linear programs may use, of the limit for a table: they are for where none fits. By hand."""
 
 LP_LIMIT_S = 2.8
-"""Limit above which they get no more. By hand, as `PlannerOptions.bound_s`."""
+"""Limit above which they get no more. By hand."""
 
 LP_CELLS = 48
 """Cells of time in the program over start times: more are tighter and slower. By hand."""
