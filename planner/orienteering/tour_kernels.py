@@ -285,14 +285,16 @@ def _better_at(
     delta = _crossed(d, near, apart, tour, was, a, ends, work)
     if delta < 0 or tour[a, BEFORE] < 0:
         return delta
-    other, inner = a, -1
-    for _ in range(_STRING):
-        if tour[other, FOLLOW] < 0:
-            break
-        delta = _better_place(d, near, apart, tour, was, a, other, inner, True, ends, work)
-        if delta < 0:
-            return delta
-        other, inner = tour[other, FOLLOW], other
+    for forward in (True, False):
+        other, inner = a, -1
+        for size in range(_STRING):
+            if tour[other, FOLLOW] < 0 or tour[other, BEFORE] < 0:
+                break
+            if forward or size > 0:
+                delta = _better_place(d, near, apart, tour, was, a, other, inner, forward, ends, work)
+                if delta < 0:
+                    return delta
+            other, inner = (tour[other, FOLLOW] if forward else tour[other, BEFORE]), other
     return 0
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, pairwise
 from typing import Any
 
 import numpy as np
@@ -133,6 +133,30 @@ def test_a_step_changes_the_length_as_it_says_and_can_be_undone(seed: int, nodes
     assert _nodes_of(tour).tolist() == begun.tolist()
     fresh, _ = tour_of(m.length, begun)
     assert (tour[1:, :3] == fresh[1:, :3]).all()
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32), st.integers(5, 10))
+def test_no_string_has_a_better_place_beside_either_of_its_ends(seed: int, nodes: int) -> None:
+    """Strings were moved to where their first node is next to a neighbour, never their last one."""
+    m = SurveyMap.of(_problem(seed, nodes, 10_000))
+    begun = np.array([0, *np.random.default_rng(seed).permutation(np.arange(1, nodes)), m.nodes - 1])
+    tour, was = tour_of(m.length, begun)
+    work, d = np.zeros(KINDS, dtype=np.int64), m.length
+    change = -1
+    while change < 0:
+        was[0, STEP], was[0, COUNT] = was[0, STEP] + 1, 0
+        queue, waits = np.arange(4 * m.nodes + 8), np.ones(m.nodes, dtype=np.bool_)
+        change = shorten(m.length, m.near, m.apart, tour, was, queue, waits, m.nodes, work)
+    route = _nodes_of(tour)
+    strings = [route[i : i + size] for size in (1, 2, 3) for i in range(1, len(route) - size)]
+    for string in strings:
+        rest = route[~np.isin(route, string)]
+        out = _length(m, route) - _length(m, rest) - _length(m, string)
+        for a, other in ((string[0], string[-1]), (string[-1], string[0])):
+            for c, e in [*pairwise(rest), *pairwise(rest[::-1])]:
+                beside_usable = c not in (0, m.nodes - 1) and d[a, c] < out
+                assert not beside_usable or d[a, c] + d[other, e] - d[c, e] >= out
 
 
 @pytest.mark.parametrize("budget", [0, 20, 150, 400])
