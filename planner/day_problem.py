@@ -178,9 +178,11 @@ def _terms(
 
 def _target(day: Day, stand: Pose, name: str, observations: list[ObservationDocument]) -> TargetDocument:
     target = day.target(name)
+    east, north, up = target.normal_site
     return {
         "id": name,
         "point_m": tuple(round(v, 4) for v in target.point_site),
+        "normal": (round(east, 5), round(north, 5), round(up, 5)),
         "observation_point": _pose(stand),
         "refs": {"target": name, "name": target.name},
         "observations": tuple(observations),

@@ -3,14 +3,16 @@
 Three forms are read: `contingency/1` (one observation per target), `problem/1`, its superset (several
 observations per target, precedence, must-do, windows, diminishing value, downlink volume, energy floor,
 chance constraint, asymmetric legs with their route on the ground, references to the mission's rows), and
-`problem/2`, in which drives may fail and the kind of sol may be hidden. Times are seconds from the start of
-the plan, energies joules, lengths metres in the site frame (east, north), angles radians.
+`problem/2`, in which drives may fail, the kind of sol may be hidden and targets have normals. Times are
+seconds from the start of the plan, energies joules, lengths metres in the site frame (east, north), angles
+radians.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field
@@ -21,6 +23,7 @@ from typing import Any, NewType
 
 from mission.codec import shown
 from mission.geometry import Pose
+from mission.values import Point3
 from planner.errors import ProblemError
 from planner.problem_document import (
     CONTINGENCY,
@@ -40,6 +43,9 @@ from planner.sol_kind import SolKind, read_kinds, written_kinds
 
 TargetId = NewType("TargetId", str)
 ObservationId = NewType("ObservationId", str)
+
+UNIT = 1e-3
+"""By which the length of a normal may differ from 1: documents round to five digits."""
 
 START = "start"
 """Name of the place where the rover stands when the plan begins."""
@@ -107,6 +113,8 @@ class Target:
     id: TargetId
     observations: tuple[Observation, ...]
     point_m: tuple[float, ...] | None = None
+    normal: Point3 | None = None
+    """Outward, of the surface at the point; site frame."""
     observation_point: Pose | None = None
     diminishing: float = 1.0
     refs: Mapping[str, str] = field(default_factory=dict)
@@ -297,11 +305,15 @@ def _observation(o: ObservationDocument, target: str) -> Observation:
 
 
 def _target(t: TargetDocument) -> Target:
-    pose, diminishing = t.get("observation_point"), t.get("diminishing")
+    pose, diminishing, normal = t.get("observation_point"), t.get("diminishing"), t.get("normal")
+    if normal is not None and not abs((length := math.hypot(*normal)) - 1.0) <= UNIT:
+        said = ", ".join(f"{v:g}" for v in normal)
+        raise ProblemError(f"target {t['id']}: its normal ({said}) has a length of {length:g}; it must be 1")
     return Target(
         id=TargetId(t["id"]),
         observations=tuple(_observation(o, t["id"]) for o in t["observations"]),
         point_m=t.get("point_m"),
+        normal=normal,
         observation_point=None if pose is None else _pose(pose),
         diminishing=1.0 if diminishing is None else diminishing,
         refs=t.get("refs") or {},
@@ -402,6 +414,8 @@ def _target_document(t: Target) -> TargetDocument:
     d: TargetDocument = {"id": t.id, "observations": tuple(map(_observation_document, t.observations))}
     if t.point_m is not None:
         d["point_m"] = t.point_m
+    if t.normal is not None:
+        d["normal"] = t.normal
     if t.observation_point is not None:
         d["observation_point"] = _pose_document(t.observation_point)
     if t.diminishing != 1.0:
@@ -430,7 +444,7 @@ def _leg_document(leg: Leg) -> LegDocument:
 
 def problem_to_dict(problem: Problem) -> dict[str, Any]:
     """Return the JSON form of a problem, in the format it was read from if that can say all of it, else
-    `problem/1`, or `problem/2` where drives may fail or the kind of sol is hidden.
+    `problem/1`, or `problem/2` where drives may fail, the kind of sol is hidden or a target has a normal.
     """
     budget, start = problem.budget, problem.start
     d: ProblemDocument = {

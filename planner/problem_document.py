@@ -15,7 +15,7 @@ from annotated_types import Ge, Le, MaxLen, MinLen
 from typing_extensions import TypedDict  # pydantic asks for it before Python 3.12
 
 from mission.codec import Codec, shown
-from mission.values import Chance, NotNegative, Positive, Share, document
+from mission.values import Chance, NotNegative, Point3, Positive, Share, document
 from planner.errors import ProblemError
 
 MAX_TARGETS = 2_000
@@ -87,7 +87,7 @@ class ObservationDocument(_Observed):
 
 
 @document
-class TargetDocument(TypedDict):
+class SureTargetDocument(TypedDict):
     """A target with its observations."""
 
     id: Name
@@ -96,6 +96,15 @@ class TargetDocument(TypedDict):
     diminishing: NotRequired[Share | None]
     refs: NotRequired[dict[str, str] | None]
     observations: tuple[ObservationDocument, ...]
+
+
+@document
+class TargetDocument(SureTargetDocument):
+    """A target of which the outward normal of its surface is known, in the site frame; where nothing is said
+    it is level.
+    """
+
+    normal: NotRequired[Point3 | None]
 
 
 SureLegDocument = TypedDict(
@@ -154,7 +163,6 @@ class _Problem(_Day):
     start: NotRequired[PoseDocument | None]
     refs: NotRequired[dict[str, str] | None]
     precedence: NotRequired[tuple[Annotated[tuple[str, ...], MinLen(2), MaxLen(2)], ...] | None]
-    targets: Annotated[tuple[TargetDocument, ...], MaxLen(MAX_TARGETS)]
 
 
 @document
@@ -174,14 +182,18 @@ class SolKindDocument(TypedDict):
 class ProblemDocument(_Problem):
     """A planning problem."""
 
+    targets: Annotated[tuple[TargetDocument, ...], MaxLen(MAX_TARGETS)]
     legs: tuple[LegDocument, ...]
     sol_kinds: NotRequired[Annotated[tuple[SolKindDocument, ...], MaxLen(MAX_SOL_KINDS)] | None]
 
 
 @document
 class SureProblemDocument(_Problem):
-    """A planning problem of `problem/1`, in which no drive fails and all sols are of one kind."""
+    """A planning problem of `problem/1`, in which no drive fails, all sols are of one kind and surfaces are
+    level.
+    """
 
+    targets: Annotated[tuple[SureTargetDocument, ...], MaxLen(MAX_TARGETS)]
     legs: tuple[SureLegDocument, ...]
 
 
@@ -228,8 +240,8 @@ def _problem_of(members: dict[str, Any]) -> dict[str, Any]:
 
 
 def _of_one_kind(members: dict[str, Any]) -> dict[str, Any]:
-    """Return the members of a `problem/1`, in which no drive fails and all sols are of one kind, as those of
-    `problem/2`.
+    """Return the members of a `problem/1`, in which no drive fails, all sols are of one kind and surfaces are
+    level, as those of `problem/2`.
     """
     if members.get("sol_kinds") is not None:
         given = len(members["sol_kinds"]) if isinstance(members["sol_kinds"], list | tuple) else 1
@@ -242,6 +254,11 @@ def _of_one_kind(members: dict[str, Any]) -> dict[str, Any]:
                 f"problem legs[{ends}].p_fail is {shown(leg['p_fail'])}; drives that fail need the format "
                 f"problem/2"
             )
+    targets = members.get("targets")
+    for target in targets if isinstance(targets, list | tuple) else ():
+        if isinstance(target, Mapping) and target.get("normal") is not None:
+            said = f"problem targets[{target.get('id')}].normal is {shown(target['normal'])}"
+            raise ProblemError(f"{said}; normals need the format problem/2")
     return members
 
 
@@ -303,14 +320,15 @@ PROBLEMS = Codec(
 )
 
 SURE_DRIVES = Codec(SureProblemDocument, "problem/1", "problem", error=ProblemError)
-"""What a problem in which no drive fails and all sols are of one kind is written with: older programs read
-it, and its digest stays.
+"""What a problem in which no drive fails, all sols are of one kind and surfaces are level is written with:
+older programs read it, and its digest stays.
 """
 
 
 def problem_document(problem: ProblemDocument) -> dict[str, Any]:
     """Return a problem as a document of the oldest form, `problem/1` or later, that can say all of it."""
-    if drives_fail(problem) or problem.get("sol_kinds"):
+    slanting = any(target.get("normal") for target in problem["targets"])
+    if drives_fail(problem) or problem.get("sol_kinds") or slanting:
         return PROBLEMS.document(problem)
     sure = tuple({k: v for k, v in leg.items() if k != "p_fail"} for leg in problem["legs"])
     said = {k: v for k, v in problem.items() if k != "sol_kinds"}

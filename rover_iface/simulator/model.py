@@ -25,6 +25,10 @@ from rover_iface.profile import RoverProfile
 
 Array = NDArray[np.floating]
 START = "start"
+UPWARD = 0.0, 0.0, 1.0
+"""Normal of a target of which no other is known."""
+UNIT = 1e-3
+"""By which the length of a normal may differ from 1: documents round to five digits."""
 PROBLEM_FORMATS = ("contingency/1", "problem/1", "problem/2")
 
 MOST_SOL_KINDS = 12
@@ -96,6 +100,7 @@ class AbstractModel:
     name: str
     targets: tuple[str, ...]
     points: tuple[tuple[float, float, float] | None, ...]
+    normals: tuple[tuple[float, float, float], ...]
     poses: tuple[Pose | None, ...]
     observations: tuple[ModelObservation, ...]
     leg_time_s: Array
@@ -312,6 +317,14 @@ def _point(value: Sequence[float] | None) -> tuple[float, float, float] | None:
     return x, y, rest[0] if rest else 0.0
 
 
+def _unit(value: Sequence[float]) -> tuple[float, float, float]:
+    x, y, z = (float(v) for v in value)
+    length = math.hypot(x, y, z)
+    if not abs(length - 1.0) <= UNIT:
+        raise ValueError(f"the normal ({x:g}, {y:g}, {z:g}) has a length of {length:g}; it must be 1")
+    return x / length, y / length, z / length
+
+
 def _pose(value: Any) -> Pose | None:
     if value is None:
         return None
@@ -325,11 +338,13 @@ def _pose(value: Any) -> Pose | None:
 def _read(document: Document, *, legacy: bool) -> AbstractModel:
     targets: list[str] = []
     points: list[tuple[float, float, float] | None] = []
+    normals: list[tuple[float, float, float]] = []
     poses: list[Pose | None] = [_pose(document.get("start")) or Pose(0.0, 0.0)]
     raw: list[tuple[str, int, Document]] = []
     for place, target in enumerate(document["targets"], start=1):
         targets.append(str(target["id"]))
         points.append(_point(target.get("target_m" if legacy else "point_m", target.get("point_m"))))
+        normals.append(_unit(target.get("normal") or UPWARD))
         poses.append(_pose(target.get("observation_point_m" if legacy else "observation_point")))
         entries = [dict(target)] if legacy else target["observations"]
         raw += [(str(entry["id"]), place, entry) for entry in entries]
@@ -373,6 +388,7 @@ def _read(document: Document, *, legacy: bool) -> AbstractModel:
         name=str(document.get("name", "")),
         targets=tuple(targets),
         points=tuple(points),
+        normals=tuple(normals),
         poses=tuple(poses),
         observations=observations,
         leg_time_s=leg_time,
@@ -392,7 +408,7 @@ def _read(document: Document, *, legacy: bool) -> AbstractModel:
 def problem_from_targets(
     targets: Sequence[DesignatedTarget], profile: RoverProfile, start: Pose, *, loss_per_m: float = 0.004
 ) -> Mapping[str, object]:
-    """Return a `problem/1` document for targets with observation points, with times from a rover profile.
+    """Return a `problem/2` document for targets with observation points, with times from a rover profile.
 
     It serves worlds that come without a planning problem: legs are straight lines, each target has one
     observation with the first instrument of the rover that fits (contact where `kind` is "place").
@@ -410,6 +426,7 @@ def problem_from_targets(
             {
                 "id": target.id,
                 "point_m": list(target.point),
+                "normal": list(target.normal),
                 "observation_point": {"east_m": stand.x, "north_m": stand.y, "heading_rad": stand.heading},
                 "observations": [
                     {
@@ -442,7 +459,7 @@ def problem_from_targets(
                 }
             )
     return {
-        "format": "problem/1",
+        "format": "problem/2",
         "name": "targets",
         "start": {"east_m": start.x, "north_m": start.y, "heading_rad": start.heading},
         "budget": {

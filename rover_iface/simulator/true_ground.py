@@ -59,7 +59,11 @@ def world_targets(world: World) -> list[DesignatedTarget]:
         contact = any(o.contact for o in model.observations if o.place == k + 1)
         found.append(
             DesignatedTarget(
-                name, point, kind="place" if contact else "image", observation_point=model.poses[k + 1]
+                name,
+                point,
+                model.normals[k],
+                kind="place" if contact else "image",
+                observation_point=model.poses[k + 1],
             )
         )
     return found

@@ -57,7 +57,7 @@ def test_a_day_goes_from_targets_to_products_and_back(api: Api, mission: Mission
     network = api.get(f"/path-networks/{plan['network_id']}")
     assert {"start"} < {n["id"] for n in network["nodes"]}
     assert network["segments"]
-    assert api.get(f"/problems/{plan['problem_id']}")["document"]["format"] == "problem/1"
+    assert api.get(f"/problems/{plan['problem_id']}")["document"]["format"] == "problem/2"
 
     # Dry run: the same seed gives the same run
     order = {"plan_id": plan["id"], "seed": 4}

@@ -31,7 +31,7 @@ def test_demo_runs_a_whole_day_on_generated_terrain(tmp_path: Path) -> None:
     done = _demo("--seed", "2", "--out", str(out))
     assert done.returncode == 0, done.stderr
     problem = json.loads((out / "problem.json").read_text())
-    assert problem["format"] == "problem/1"
+    assert problem["format"] == "problem/2"
     assert sum(len(t["observations"]) for t in problem["targets"]) <= 14
     assert json.loads((out / "plan_tree.json").read_text())["format"] == "plan-tree/2"
     summary = json.loads((out / "summary.json").read_text())

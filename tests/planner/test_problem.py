@@ -143,6 +143,11 @@ BAD: list[tuple[tuple[Any, ...], Any, str]] = [
     (("targets", 0, "id"), "start", r'target id "start" is kept for the place where the rover starts'),
     (("targets", 0, "id"), "a b", r'id "a b" holds a blank'),
     (("targets", 1, "id"), "T1", r'id "T1" is used twice'),
+    (
+        ("targets", 0, "normal"),
+        [0.0, 0.0, 1.0],
+        r"targets\[T1\].normal is \[0\.0, 0\.0, 1\.0\]; normals need the format problem/2",
+    ),
     (("targets", 0, "diminishing"), 1.5, r"targets\[T1\].diminishing is 1.5; it must be at most 1"),
     (
         ("targets", 0, "observations", 0, "utility"),
@@ -178,6 +183,24 @@ BAD: list[tuple[tuple[Any, ...], Any, str]] = [
 def test_what_is_wrong_is_named(path: tuple[Any, ...], value: Any, message: str) -> None:
     with pytest.raises(ProblemError, match=message):
         problem_from_dict(_changed(path, value))
+
+
+def test_a_target_keeps_the_normal_of_its_surface() -> None:
+    document: dict[str, Any] = {**problem_document(), "format": "problem/2"}
+    document["targets"][0]["normal"] = [0.6, 0.0, 0.8]
+    problem = problem_from_dict(document)
+    assert problem.targets[0].normal == (0.6, 0.0, 0.8)
+    written = problem_to_dict(problem)
+    assert written["format"] == "problem/2"
+    assert problem_from_dict(json.loads(json.dumps(written))) == problem
+
+
+@pytest.mark.parametrize("normal", [[0.0, 0.0, 0.0], [0.0, 0.0, 2.0], [0.6, 0.0, 0.9]])
+def test_a_normal_that_is_no_direction_is_refused(normal: list[float]) -> None:
+    document: dict[str, Any] = {**problem_document(), "format": "problem/2"}
+    document["targets"][0]["normal"] = normal
+    with pytest.raises(ProblemError, match=r"target T1: its normal \(.*\) has a length of .*; it must be 1"):
+        problem_from_dict(document)
 
 
 @pytest.mark.parametrize("value", [None, [], 3, "text"])
