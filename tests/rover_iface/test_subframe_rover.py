@@ -26,7 +26,7 @@ from rover_iface.navigation.navigator import Way
 from rover_iface.simulator.abstract_rover import make_rover as make_abstract
 from rover_iface.simulator.chassis import Driven
 from rover_iface.simulator.faults import Fault, FaultKind
-from rover_iface.simulator.hardware import designated
+from rover_iface.simulator.hardware import SimulatedHardware, designated
 from rover_iface.simulator.subframe_rover import make_rover
 from rover_iface.simulator.terrain_rover import TerrainRover
 from rover_iface.telemetry import TrackState
@@ -55,18 +55,24 @@ def do(rover: TerrainRover, action: str, **parameters: Any) -> Result:
 
 @pytest.fixture(scope="module")
 def day(world: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[TerrainRover, Path, list[Result]]:
-    """One target tracked, approached and touched."""
+    """One target tracked, approached and touched.
+
+    Its instruments never fail: which draw is theirs depends on how many looks the drive took, and that on the
+    processor's last bits.
+    """
     out = tmp_path_factory.mktemp("run")
     rover = make_rover(world, seed=4, out=out)
-    results = [
-        do(rover, "trackstart", target="T1"),
-        do(rover, "navigate", target="T1", mode="track", require_tracked=True),
-        do(rover, "handoff", target="T1"),
-        do(rover, "ipplaceinstrument", target="T1", dwell_s=10.0),
-        do(rover, "image", target="T2", instrument="scicam"),
-        do(rover, "turn", angle=0.2),
-        do(rover, "heat", duration_s=60.0),
-    ]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(SimulatedHardware, "instrument_delivers", lambda *_: True)
+        results = [
+            do(rover, "trackstart", target="T1"),
+            do(rover, "navigate", target="T1", mode="track", require_tracked=True),
+            do(rover, "handoff", target="T1"),
+            do(rover, "ipplaceinstrument", target="T1", dwell_s=10.0),
+            do(rover, "image", target="T2", instrument="scicam"),
+            do(rover, "turn", angle=0.2),
+            do(rover, "heat", duration_s=60.0),
+        ]
     return rover, out, results
 
 
@@ -98,12 +104,11 @@ def test_dead_reckoning_drifts_but_the_track_holds(day: tuple[TerrainRover, Path
 
 
 def test_products_carry_pose_camera_and_target(day: tuple[TerrainRover, Path, list[Result]]) -> None:
-    _, out, results = day
+    _, out, _ = day
     labels = [json.loads(p.read_text()) for p in sorted((out / "products").glob("*.png.json"))]
     kinds = {label["kind"] for label in labels}
     assert "hazardmap" in kinds
-    if results[3].success:
-        assert {"hazcam", "microscopic"} <= kinds
+    assert {"hazcam", "microscopic"} <= kinds
     image = next(label for label in labels if label["kind"] == "image")
     assert image["target"] == "T2"
     for kind in ("odometry", "tracking"):
