@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -178,7 +179,8 @@ def _terms(
 
 def _target(day: Day, stand: Pose, name: str, observations: list[ObservationDocument]) -> TargetDocument:
     target = day.target(name)
-    east, north, up = target.normal_site
+    length = math.hypot(*target.normal_site) or 1.0  # a day's file may give any vector along it
+    east, north, up = (v / length for v in target.normal_site)
     return {
         "id": name,
         "point_m": tuple(round(v, 4) for v in target.point_site),

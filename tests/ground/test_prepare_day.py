@@ -102,6 +102,15 @@ def test_a_day_becomes_a_problem_the_planner_reads() -> None:
     assert {leg.origin for leg in problem.legs} >= {"start", "T1"}
 
 
+def test_a_normal_of_any_length_becomes_a_direction_of_the_problem() -> None:
+    """A day's file of which a normal was no unit vector was refused, which nobody had asked it to be."""
+    day = _mission()
+    longer = dataclasses.replace(day.targets[0], normal_site=(0.0, 0.3, 4.0))
+    asking = [request for request in day.requests if request.target_id == longer.id]
+    found = prepare_day(_terrain(), _profile(), _asking(*asking, targets=(longer,)))
+    assert found.problem.targets[0].normal == pytest.approx((0.0, 0.07479, 0.9972), abs=1e-5)
+
+
 def test_requests_travel_through_the_problem_by_their_ids() -> None:
     for observation in _prepared().problem.observations:
         assert observation.refs["request"] == observation.id
