@@ -12,11 +12,13 @@ from rover_iface.behaviour.following import Followed
 from rover_iface.behaviour.hardware import Hardware
 from rover_iface.behaviour.mast_cameras import MastCameras, Sighting
 from rover_iface.behaviour.placing import HandedOff
-from rover_iface.cameras.model import Array, CameraModel
+from rover_iface.cameras.model import Array
 from rover_iface.errors import CameraError, RenderError, TrackerError
 from rover_iface.frames import Pose
 from rover_iface.vision.handoff import Handoff, Side
 from rover_iface.vision.handoffs import Found, Refused, find_handoff
+from rover_iface.vision.narrow.crest import beside_m, open_depth_m
+from rover_iface.vision.narrow.references import angle_rad
 from rover_iface.vision.tracker import StereoView
 
 FoundIn = Callable[[str, StereoView], Array | None]
@@ -107,27 +109,39 @@ class HazardEyes:
         self.answers[name] = answer.about
         if isinstance(answer, Refused):
             raise TrackerError(f"hand-off of target {name} {answer.why}")
-        handed = _handed(followed, haz.left_camera, answer)
+        handed = _handed(followed, given, answer)
         self._handed[name] = (self.hardware.believed, handed)
         return handed
 
 
-def _handed(followed: Followed, camera: CameraModel, found: Found) -> HandedOff:
+def _handed(followed: Followed, given: Handoff, found: Found) -> HandedOff:
     """Return a hand-off; where a method does not know its error, that of the tracked position stands in.
 
-    It says nothing of which spot was meant: what the track tells of that stays.
+    It says nothing of which spot was meant: what the track tells of that stays. The hazcams range what they
+    are shown, so what counts is how deep the surface is in their picture, not in the track's.
     """
-    away = float(np.linalg.norm(found.position - camera.C))
+    near, _ = given.source("near")
+    camera, eye = given.hazcam.view.left_camera, near.view.left_camera.C
+    ray = found.position - camera.C
+    away = float(np.linalg.norm(ray))
     error_px = found.error_px
     if error_px is None:
         error_px = camera.hs * math.sqrt(float(np.trace(followed.update.covariance)) / 3) / away
     sigma = error_px * away / camera.hs + 0.001
+    sight = followed.update.position - followed.view.left_camera.C
+    sight = sight / np.linalg.norm(sight)
+    meant = followed.update.covariance - followed.update.deep_m**2 * np.outer(sight, sight)
+    off_m = math.sqrt(0.5 * float(np.trace(meant) - sight @ meant @ sight) + sigma**2)
+    deep = open_depth_m(given.hazcam, found.pixel, away, off_m * camera.hs / away)
+    aside = beside_m(deep, angle_rad(ray, found.position - eye))
+    along = np.outer(ray, ray) / away**2
     update = replace(
         followed.update,
         position=np.asarray(found.position, dtype=np.float64),
-        covariance=followed.update.covariance + sigma**2 * np.eye(3),
+        covariance=meant + (sigma**2 + aside**2) * np.eye(3) + deep**2 * along,
         confidence=min(1.0, max(found.score, followed.update.confidence)),
         pixel=np.asarray(found.pixel),
         reasons=(),
+        deep_m=0.0,
     )
     return HandedOff(update, float(error_px))

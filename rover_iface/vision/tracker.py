@@ -92,6 +92,9 @@ class TrackUpdate:
         Which criteria were not met, in words; empty while tracked.
     scores
         Figures behind the decision, by name.
+    deep_m
+        What of the covariance is open along the line of sight by the depth of the surface within what the
+        pixel may be off, one standard deviation, m: a camera that ranges the target anew has its own.
     """
 
     target: str
@@ -102,6 +105,7 @@ class TrackUpdate:
     pixel: Array
     reasons: tuple[str, ...] = ()
     scores: Mapping[str, float] = field(default_factory=dict)
+    deep_m: float = 0.0
 
 
 class Tracker(Protocol):

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from rover_iface.behaviour import hazard_eyes
 from rover_iface.behaviour.following import Followed
 from rover_iface.behaviour.hardware import Contact
 from rover_iface.behaviour.placing import HandedOff, across_m, require_known
@@ -46,7 +48,10 @@ def test_a_target_known_too_poorly_is_refused_with_its_figure(world: Path) -> No
     told = do(rover, "ipplaceinstrument", target="T1")
     assert not told.success
     assert told.values["made"] is False
-    assert "is known to 5.5 cm on its surface (95 %); 2 cm is the limit" in told.reason
+    known = re.search(r"is known to (\d\.\d) cm on its surface \(95 %\); 2 cm is the limit", told.reason)
+    # 5.5 cm, and what the surface is deep within that
+    assert known is not None
+    assert 5.5 <= float(known[1]) < 9.0
     assert "T1" not in rover.truth.touched
 
 
@@ -131,6 +136,27 @@ def test_the_hazcams_take_out_what_the_mast_is_off(world: Path) -> None:
     assert np.linalg.norm(seen) < min(0.005, float(np.linalg.norm(told)))
     # which spot is meant is known no better than before
     assert np.linalg.eigvalsh(handed.covariance - followed.update.covariance)[0] >= 0.0
+
+
+def test_the_depth_of_a_surface_within_a_pixel_is_that_of_the_picture_that_ranges_it(
+    world: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A crest seen from the mast is ranged anew by the hazcams; one that they see is open in their range."""
+    rover = arrived(world)
+    followed = rover.repertoire.follower.followed["T1"]
+    eyes = rover.repertoire.placing.handoff.eyes
+    sight = followed.update.position - followed.view.left_camera.C
+    deep = 0.03**2 * np.outer(sight, sight) / float(sight @ sight)
+
+    def worst_m(deep_m: float) -> float:
+        update = replace(followed.update, covariance=0.002**2 * np.eye(3) + deep, deep_m=deep_m)
+        handed = eyes.hand_off(replace(followed, update=update), "").update
+        assert handed.deep_m == 0.0
+        return math.sqrt(float(np.linalg.eigvalsh(handed.covariance)[-1]))
+
+    assert worst_m(0.03) < 0.01 < 0.03 < worst_m(0.0)
+    monkeypatch.setattr(hazard_eyes, "open_depth_m", lambda *_: 0.02)
+    assert 0.02 < worst_m(0.03) < 0.022
 
 
 def test_where_the_hazcams_tell_nothing_the_error_of_the_mast_is_told(

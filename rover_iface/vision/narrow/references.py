@@ -24,7 +24,11 @@ SCALE_RAD = 0.3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Kept:
-    """A pair, the target's pixel in it, where it was believed then (3,), m, and how well that is known."""
+    """A pair, the target's pixel in it, where it was believed then (3,), m, and what the pixel is off.
+
+    `sigma_m` is one standard deviation across the line of sight, m. It holds what the pair that it was tied
+    to left open, so in a chain of pairs it grows.
+    """
 
     side: Side
     pixel: Array

@@ -21,7 +21,7 @@ from rover_iface.vision.correlation import ncc
 from rover_iface.vision.correlation.ncc import FOUND_AGAIN, NccTracker
 from rover_iface.vision.handoff import Handoff
 from rover_iface.vision.handoff_cascade import Answer
-from rover_iface.vision.narrow import recall
+from rover_iface.vision.narrow import crest, recall
 from rover_iface.vision.narrow.recall import LOST_UPDATES, REFUSED, NarrowRecall
 from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
 from tests.rover_iface.vision.test_narrow_range import DRIFT, face, frames, view
@@ -105,7 +105,7 @@ def test_a_pair_that_knows_the_target_too_poorly_for_a_tool_is_not_the_last_one_
     known.narrow = [replace(first, sigma_m=0.009), first]
     found = tracker.update("A", blank(view("navcam", NEAR_X, DRIFT)))
     assert np.linalg.norm(found.position - DRIFT.apply(point)) < 0.005
-    assert np.sqrt(np.linalg.eigvalsh(found.covariance)[-1]) < 0.006
+    assert np.sqrt(np.linalg.eigvalsh(found.covariance)[1]) < 0.006
 
 
 def farther(by_m: float) -> Callable[..., PointMatch | None]:
@@ -163,7 +163,7 @@ def test_a_range_that_contradicts_earlier_answers_is_not_believed(off_m: float, 
     along_m = float((found.position - place) @ ray)
     assert along_m == pytest.approx(0.0 if kept else off_m, abs=0.006)
     told_m = math.sqrt(float(ray @ found.covariance @ ray))
-    assert told_m < 0.006 if kept else off_m / 2.0 < told_m < off_m
+    assert told_m < 0.009 if kept else off_m / 2.0 < told_m < off_m
     # the map is less sure since: what nearly contradicts it is the same stereo in the same light
     for again_m, believed in ((0.018, not kept), (0.005, False), (0.018, False)):
         tracker.expect("A", place + again_m * ray, 0.008**2 * np.eye(3))
@@ -378,6 +378,72 @@ def test_an_answer_from_afar_that_the_track_contradicts_is_kept_only_if_it_was_r
     told = tracker.update("A", seen)
     assert told.state is TrackState.TRACKED
     assert (np.linalg.norm(told.position - place) > 0.04) == kept
+    assert len(tracker._memories["A"].known.narrow) == 1 + kept
+
+
+@pytest.mark.parametrize(("agreeing", "score", "taken"), [(20, 0.49, False), (80, 0.9, True)])
+def test_an_answer_from_near_that_a_confirmed_track_contradicts_is_taken_only_if_it_was_recognised(
+    agreeing: int, score: float, taken: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Twenty patches had a target 27 mm beside its place that its track had to 5 mm."""
+    tracker, point = begun()
+    near, place = view("navcam", NEAR_X, DRIFT), DRIFT.apply(point)
+    assert tracker.update("A", near).state is TrackState.TRACKED
+    beside = place + np.array([0.0, 0.04, 0.0])
+
+    def laid(given: Handoff, *_: object) -> Answer:
+        pixel = np.asarray(given.hazcam.view.left_camera.project(beside))
+        none = np.empty((0, 2))
+        told = 0.9, Transform.identity(), agreeing, score
+        return Answer(pixel, beside, *told, none, none, np.empty((0, 4)))
+
+    monkeypatch.setattr(recall, "cascade", laid)
+    tracker._memories["A"].share = 0.0
+    told = tracker.update("A", near)
+    assert told.state is TrackState.TRACKED
+    assert np.linalg.norm(told.position - (beside if taken else place)) < 0.01
+    # a track that pictures have not confirmed is no judge of theirs
+    tracker, _ = begun()
+    assert np.linalg.norm(tracker.update("A", near).position - beside) < 0.01
+
+
+def test_what_a_crest_leaves_open_along_the_line_of_sight_stays_until_the_next_answer(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A chain of wide pairs wandered 3.6 cm at a crest and told 5 mm."""
+    monkeypatch.setattr(crest, "open_depth_m", lambda *_: 0.03)
+    tracker, _ = begun()
+    near = view("navcam", NEAR_X, DRIFT)
+    for told in (tracker.update("A", near), tracker.update("A", near)):
+        assert told.deep_m == 0.03
+        ray = (told.position - near.left_camera.C) / np.linalg.norm(told.position - near.left_camera.C)
+        assert 0.03 < math.sqrt(float(ray @ told.covariance @ ray)) < 0.035
+        with pytest.raises(TrackerError, match="2 cm is the limit"):
+            require_known(Followed(DesignatedTarget("A", (0.0, 0.0, 0.0)), told, near), 0.002)
+    assert tracker.update("A", blank(view("navcam"))).deep_m == 0.0
+    monkeypatch.setattr(crest, "open_depth_m", lambda *_: 0.0)
+    tracker._memories["A"].asked = None
+    assert tracker.update("A", near).deep_m == 0.0
+
+
+@pytest.mark.parametrize(
+    ("agreeing", "score", "kept"), [(31, 0.52, False), (31, 0.9, True), (60, 0.52, True)]
+)
+def test_a_pair_from_afar_is_kept_by_many_patches_or_by_the_targets_own(
+    agreeing: int, score: float, kept: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Few patches in another light had a target 7 cm beside its place, and all later answers were of it."""
+    asked = recall.cascade
+
+    def told(*given: Any) -> Answer:
+        return replace(asked(*given), agreeing=agreeing, score=score)
+
+    monkeypatch.setattr(recall, "cascade", told)
+    monkeypatch.setattr(recall, "TURNED_RAD", 0.0)
+    tracker, point = begun()
+    tracker.narrow = lambda *_: view("pancam", MIDWAY_X, DRIFT)
+    tracker.expect("A", DRIFT.apply(point), 0.05**2 * np.eye(3))
+    assert tracker.update("A", view("navcam", MIDWAY_X, DRIFT)).state is TrackState.TRACKED
     assert len(tracker._memories["A"].known.narrow) == 1 + kept
 
 
