@@ -164,6 +164,9 @@ def test_a_range_that_contradicts_earlier_answers_is_not_believed(off_m: float, 
     assert along_m == pytest.approx(0.0 if kept else off_m, abs=0.006)
     told_m = math.sqrt(float(ray @ found.covariance @ ray))
     assert told_m < 0.009 if kept else off_m / 2.0 < told_m < off_m
+    # what pixel is meant is known, so another camera's range settles it
+    across = found.covariance - found.deep_m**2 * np.outer(ray, ray)
+    assert np.linalg.eigvalsh(across)[-1] < 0.009**2
     # the map is less sure since: what nearly contradicts it is the same stereo in the same light
     for again_m, believed in ((0.018, not kept), (0.005, False), (0.018, False)):
         tracker.expect("A", place + again_m * ray, 0.008**2 * np.eye(3))
@@ -469,6 +472,22 @@ def test_a_target_that_the_first_picture_does_not_show_is_told_to_be_known_too_p
     require_known(Followed(DesignatedTarget("A", (0.0, 0.0, 0.0)), known, near), 0.002)
     with pytest.raises(TrackerError, match="2 cm is the limit"):
         require_known(Followed(DesignatedTarget("A", (0.0, 0.0, 0.0)), told, near), 0.002)
+
+
+def test_a_target_that_pictures_do_not_show_any_more_is_known_no_better_than_one_they_never_did() -> None:
+    """Correlation slid by 2 cm at a crest, and told 4 mm, while they were asked for it in vain four times."""
+    tracker, _ = begun()
+    near = view("navcam", NEAR_X, DRIFT)
+    shown = tracker.wide
+    told = []
+    for wide in (shown, *[lambda *_: blank(near)] * 2, shown):
+        tracker.wide = wide
+        tracker._memories["A"].asked = None
+        update = tracker.update("A", near)
+        assert update.state is TrackState.TRACKED
+        told.append(math.sqrt(float(np.linalg.eigvalsh(update.covariance)[0])))
+    assert max(told[0], told[1], told[3]) < 0.01
+    assert told[2] > 0.03
 
 
 def test_the_first_picture_is_asked_from_near_and_not_twice_from_one_place() -> None:
