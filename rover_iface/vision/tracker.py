@@ -93,9 +93,8 @@ class TrackUpdate:
     scores
         Figures behind the decision, by name.
     deep_m
-        What of the covariance is open along the line of sight, one standard deviation, m, by the depth of the
-        surface within what the pixel may be off and by ranges that contradict each other: a camera that
-        ranges the target anew has its own.
+        What of the covariance is open along the line of sight by the depth of the surface within what the
+        pixel may be off, one standard deviation, m: a camera that ranges the target anew has its own.
     """
 
     target: str

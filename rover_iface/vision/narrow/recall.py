@@ -423,8 +423,8 @@ def _range_in_doubt(memory: _Memory, update: TrackUpdate, view: StereoView) -> T
     """Return an answer with the range that earlier answers have where its own contradicts them.
 
     They are of pictures from several places, which one stereo pair in poor light does not outvote, nor the
-    next ones of that light; but either may be right, so their difference is told as two deviations. The pixel
-    is not in doubt: a camera that ranges the target anew decides.
+    next ones of that light; but either may be right, so their difference is told as two deviations. Where the
+    pixel shows what hides the target, the hazcams range that too, so a hand-off inherits the doubt.
     """
     if memory.expected is None or update.state is not TrackState.TRACKED:
         return update
@@ -443,7 +443,6 @@ def _range_in_doubt(memory: _Memory, update: TrackUpdate, view: StereoView) -> T
         update,
         position=update.position - gap_m * ray,
         covariance=update.covariance + wider_m2 * np.outer(ray, ray),
-        deep_m=math.sqrt(wider_m2),
     )
 
 
@@ -577,8 +576,7 @@ def _deepened(update: TrackUpdate, view: StereoView, deep_m: float) -> TrackUpda
         return update
     ray = update.position - view.left_camera.C
     along = np.outer(ray, ray) / float(ray @ ray)
-    covariance = update.covariance + deep_m**2 * along
-    return replace(update, covariance=covariance, deep_m=math.hypot(update.deep_m, deep_m))
+    return replace(update, covariance=update.covariance + deep_m**2 * along, deep_m=deep_m)
 
 
 def _doubted(update: TrackUpdate, gap: Array) -> TrackUpdate:

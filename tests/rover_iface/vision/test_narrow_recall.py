@@ -164,9 +164,8 @@ def test_a_range_that_contradicts_earlier_answers_is_not_believed(off_m: float, 
     assert along_m == pytest.approx(0.0 if kept else off_m, abs=0.006)
     told_m = math.sqrt(float(ray @ found.covariance @ ray))
     assert told_m < 0.009 if kept else off_m / 2.0 < told_m < off_m
-    # what pixel is meant is known, so another camera's range settles it
-    across = found.covariance - found.deep_m**2 * np.outer(ray, ray)
-    assert np.linalg.eigvalsh(across)[-1] < 0.009**2
+    # that the hazcams range what the pixel shows does not settle it
+    assert found.deep_m < 0.009
     # the map is less sure since: what nearly contradicts it is the same stereo in the same light
     for again_m, believed in ((0.018, not kept), (0.005, False), (0.018, False)):
         tracker.expect("A", place + again_m * ray, 0.008**2 * np.eye(3))
