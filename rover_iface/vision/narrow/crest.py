@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rover_iface.cameras.model import Array
+from rover_iface.cameras.model import Array, CameraModel
 from rover_iface.vision.handoff import STEP, Side
 from rover_iface.vision.handoff_cascade import ONE_SURFACE_M, RANGE_PX, Answer
 from rover_iface.vision.narrow.references import Kept
@@ -27,6 +27,12 @@ ASIDE = 0.5
 rest. Of 214 answers from within 3.5 m on 18 looked-at days (121977352, 398055031, 473728539; training seeds
 117438 to 856123) one lay 3.9 deviations across without it; by likelihood 0.3 to 0.5. Along the line of sight
 five lay over three deviations off, 6.1 at most, without the depth; with it none over 1.6."""
+EDGE_PX, EDGE_POINTS = 2.5, 2
+"""How near to the pixel of a narrow picture nothing may lie that is nearer by more than `ONE_SURFACE_M`, and
+how many points of the new pair's cloud say that something does. On 25774355 (looked at) a target began on a
+stone before a rock whose face its pixel touched; from the side three answers of 57 to 77 patches and own ones
+of 0.61 to 0.66 had it on the rock, 12 cm aside, with 6, 12 and 26 such points. Of 112 other answers of narrow
+pairs (14 looked-at days) one had any: one point, of a target that was hidden."""
 SAME_SIGMAS = 3.0
 """Deviations that answers of two pairs may be apart, the better known of which is then taken."""
 
@@ -112,6 +118,28 @@ def open_depth_m(side: Side, pixel: Array, away_m: float, off_px: float) -> floa
     deep = np.clip(deep, -ONE_SURFACE_M, ONE_SURFACE_M)
     squared = float(weight @ deep**2) / float(weight.sum()) - range_error_m(side.view, away_m) ** 2
     return math.sqrt(max(0.0, squared))
+
+
+def edge_before(side: Side, standing: CameraModel, pixel: Array, place: Array) -> bool:
+    """Return whether the line of sight to a place passes so near to something before it that its pixel may be
+    of that.
+
+    Parameters
+    ----------
+    side
+        The new pair, whose cloud tells.
+    standing, pixel
+        Camera of the kept picture where it stood, and the target's pixel (2,) in it.
+    place
+        (3,), m, that the answer has it at.
+    """
+    if side.cloud is None:
+        return False
+    points = side.cloud.points
+    with np.errstate(invalid="ignore"):
+        beside = np.hypot(*(np.asarray(standing.project(points)) - pixel).T) < EDGE_PX
+    before = np.linalg.norm(place - standing.C) - np.linalg.norm(points - standing.C, axis=1) > ONE_SURFACE_M
+    return bool(np.count_nonzero(beside & before) >= EDGE_POINTS)
 
 
 def range_error_m(view: StereoView, away_m: float) -> float:

@@ -12,7 +12,7 @@ import pytest
 from rover_iface.cameras.model import Array, pinhole
 from rover_iface.frames import Transform
 from rover_iface.vision.handoff_cascade import Answer
-from rover_iface.vision.narrow.crest import ASIDE, Shown, beside_m, open_depth_m, range_error_m
+from rover_iface.vision.narrow.crest import ASIDE, Shown, beside_m, edge_before, open_depth_m, range_error_m
 from rover_iface.vision.narrow.references import Kept
 
 CAMERA = pinhole(focal_px=1000.0, width=400, height=400)
@@ -100,3 +100,18 @@ def test_a_line_of_sight_from_the_side_meets_a_deep_surface_beside_the_target() 
     flat = Shown.of(told, kept(told.position, ray, 0.7, 0.004), pair(0.0))
     assert flat.across_m == pytest.approx(straight.across_m)
     assert straight.same_spot(aside)
+
+
+@pytest.mark.parametrize(("before_m", "off_px", "edge"), [
+    (0.12, 2.0, True), (0.12, 6.0, False), (0.02, 2.0, False), (-0.12, 2.0, False),
+])  # fmt: skip
+def test_a_line_of_sight_that_touches_something_before_the_target_is_told(
+    before_m: float, off_px: float, edge: bool
+) -> None:
+    """The pixel of a stone before a rock, seen from the side, was taken for one of the rock's face."""
+    seen = pair(0.0)
+    told, _ = answer(0.5)
+    rays = [CAMERA.back_project(MIDDLE + np.array((off_px, n))) for n in (-0.5, 0.0, 0.5)]
+    stone = [eye + (AWAY_M - before_m) * ray for eye, ray in rays]
+    seen.cloud.points = np.vstack((seen.cloud.points, stone))
+    assert edge_before(seen, CAMERA, MIDDLE, told.position) is edge

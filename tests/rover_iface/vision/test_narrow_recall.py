@@ -404,9 +404,17 @@ def test_an_answer_from_near_that_a_confirmed_track_contradicts_is_taken_only_if
     told = tracker.update("A", near)
     assert told.state is TrackState.TRACKED
     assert np.linalg.norm(told.position - (beside if taken else place)) < 0.01
-    # a track that pictures have not confirmed is no judge of theirs
+    # nor by so little one that is lost
     tracker, _ = begun()
-    assert np.linalg.norm(tracker.update("A", near).position - beside) < 0.01
+    assert (tracker.update("A", blank(near)).state is TrackState.TRACKED) == taken
+
+
+def test_an_answer_whose_pixel_may_be_of_something_before_it_is_not_taken(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(recall, "edge_before", lambda *_: True)
+    tracker, _ = begun()
+    assert tracker.update("A", blank(view("navcam", NEAR_X, DRIFT))).state is TrackState.LOST
 
 
 def test_what_a_crest_leaves_open_along_the_line_of_sight_stays_until_the_next_answer(
@@ -487,6 +495,18 @@ def test_a_target_that_pictures_do_not_show_any_more_is_known_no_better_than_one
         told.append(math.sqrt(float(np.linalg.eigvalsh(update.covariance)[0])))
     assert max(told[0], told[1], told[3]) < 0.01
     assert told[2] > 0.03
+
+
+def test_what_is_taken_back_but_no_picture_ever_showed_is_not_confirmed() -> None:
+    """A spot 12 cm beside its target was taken back so, and told as known to 7 mm."""
+    tracker, point = begun()
+    near, place = view("navcam", NEAR_X, DRIFT), DRIFT.apply(point)
+    tracker.wide = lambda *_: blank(near)
+    assert tracker.update("A", blank(near)).state is TrackState.LOST
+    assert tracker.take_back("A", near, place, 0.002**2 * np.eye(3)) is not None
+    told = tracker.update("A", near)
+    assert told.state is TrackState.TRACKED
+    assert np.linalg.eigvalsh(told.covariance)[0] > 0.03**2
 
 
 def test_the_first_picture_is_asked_from_near_and_not_twice_from_one_place() -> None:
