@@ -9,12 +9,12 @@ from planner.constraints.overrun import OverrunChance
 from planner.contingency.bounds import upper_bound
 from planner.contingency.reduction import Reduction, held_by
 from planner.evaluate.model import Model
-from planner.evaluate.monte_carlo import simulate
+from planner.evaluate.monte_carlo import Estimate, simulate
 from planner.large_plans import Checked
 from planner.plan_result import PlanResult, PlanStatus, Progress
 from planner.plan_tree import PlanTree, count_branches, planned_observations, with_ids
 from planner.sol_kind import all_kinds
-from planner.stages import LONG_SHARE, Chosen, Order, annotated, bounded
+from planner.stages import LONG_SHARE, MANY_TARGETS, Chosen, Order, annotated, bounded
 from planner.strategies import Found
 from planner.tally import StoppedError
 
@@ -23,6 +23,9 @@ HASTY_S, HASTY_TARGETS = 0.4, 20
 
 SURE = 2.576
 """Quantile of the normal distribution: `PlanResult.lower` is too high once in 200 times."""
+
+SURELY = 13
+"""What is added to the seed for the last check: no other futures of a planning have it."""
 
 
 def without_plan(
@@ -89,7 +92,7 @@ def with_plan(
     """Return a plan with its bounds and the notes on its steps."""
     plan, watch = choice.plan, order.watch
     watch.report(Progress(0.9, "bounds", watch.best_value, None, count_branches(plan), plan))
-    expected, check = choice.values[-1], choice.check
+    expected, check = choice.values[-1], _surely_checked(order, model, choice)
     lower = max(0.0, check.mean - SURE * check.standard_error) if check is not None else 0.0
     tree = annotated(order, model, PlanTree(order.problem.name, with_ids(plan), order.strategy))
     upper = bounded(order, part.whole(), prices, lower)  # last: it may use what the rest has left
@@ -112,6 +115,15 @@ def with_plan(
             regret_left=None if known is None else max(0.0, known - expected),
         ),
     )
+
+
+def _surely_checked(order: Order, model: Model, choice: Chosen) -> Estimate | None:
+    """Return the check of a plan; of many targets one of more futures, which took no part in its choice."""
+    few = len(order.problem.targets) <= MANY_TARGETS
+    if choice.check is None or few or order.quick or order.plan_only:
+        return choice.check
+    futures = order.options.long_check_futures
+    return simulate(model, choice.plan, futures, seed=order.seed + SURELY).estimate()
 
 
 def of_kinds(order: Order) -> tuple[str, ...]:

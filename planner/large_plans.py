@@ -37,6 +37,7 @@ def plan_large(
     fresh_seed: int,
     first_price: float,
     warm: tuple[Plan, ...],
+    used: Callable[[], float] = lambda: 0.0,
     should_stop: Callable[[], bool],
     told: Callable[[Plan, float], None],
 ) -> Checked | None:
@@ -52,7 +53,7 @@ def plan_large(
     def find(price: float, quick: bool) -> list[Plan]:
         priced = dataclasses.replace(problem, overrun_penalty=problem.overrun_penalty + price)
         growth = dataclasses.replace(limits, max_branches=0) if quick else limits
-        found = plan_long(priced, growth, warm=warm, should_stop=should_stop, told=told)
+        found = plan_long(priced, growth, warm=warm, used=used, should_stop=should_stop, told=told)
         if found is None:
             return []
         model = dataclasses.replace(found.model, penalty=problem.overrun_penalty)

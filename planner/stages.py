@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -17,8 +18,9 @@ from planner.contingency.bounds import upper_bound
 from planner.contingency.chance import keeps_to, plans_within
 from planner.contingency.hidden_sol import searched_in_hidden_sol
 from planner.contingency.order_in_futures import MOST_ENUMERATED, SCANNED, line_of
+from planner.contingency.raced_lines import PROMISING, TRIES, raced
 from planner.contingency.reduction import Reduction, held_by, mean_route_of, only, reduce_problem
-from planner.contingency.sampled_branches import better_by_branches, grow_branches
+from planner.contingency.sampled_branches import better_by_branches
 from planner.contingency.sampled_futures import Growth
 from planner.contingency.seeding import mean_seed, route_plan
 from planner.contingency.selection import makeable, predecessors_of
@@ -38,9 +40,12 @@ from planner.progress import Watch
 from planner.strategies import Found, Task
 from planner.strategies.registry import Curve
 
-LONG_SHARE = 0.5
-"""Share of the limit that plans grown on sampled futures may use; the rest is mostly the bound's. By hand: on
-two days of 15 and 30 targets 0.75 and 0.55 gave the same lower ends, and 0.4 ones 0.1 % less."""
+LONG_SHARE = 0.6
+"""Share of the limit that plans grown on sampled futures may use; the rest is mostly the bound's. By hand:
+with 0.5 of 60 s the best of several lines on 15 targets is not yet grown to its end."""
+
+LINES = 12
+"""Main lines that are looked for beside the best ones, for plans grown on sampled futures. By hand."""
 
 TABLE_SHARE = 0.25
 """Share of the limit that the table of the optimal policy may use: the rest is for branches. By hand."""
@@ -76,6 +81,10 @@ LEAST_BOUND_S = 0.2
 LEFT_TO_WIN = 0.005
 """Share of the optimal policy's value, on the grid of the search, by which its plan may lie below; else it is
 grown further on sampled futures. By hand: ten times what `PlannerOptions.tolerance` says of that grid."""
+
+PROMISES = 2
+"""Lines that are grown then beside the two plans that the search ended with, the most promising first. By
+hand."""
 
 FINER = 2
 """How many times the nodes of either axis a grid has where it blurs, for tables of few live sets."""
@@ -152,17 +161,25 @@ def long_plan(order: Order) -> Checked | None:
     """Return a plan for more observations than a table holds, as it holds up on fresh futures."""
     found = plan_large(
         order.problem,
-        Growth(0 if order.quick else order.max_branches, order.seed + 3, order.iterations),
+        _long_growth(order),
         most=order.max_branches,
         fresh_seed=order.seed + 1,
         first_price=_first_price(order, order.problem.utility_sum),
         warm=order.warm,
+        used=lambda: order.watch.work_s() / (LONG_SHARE * order.watch.limit_s),
         should_stop=lambda: order.watch.stop(0.6 if order.quick else LONG_SHARE),
         told=order.watch.told,
     )
     if found is not None:
         order.watch.told(found.plan, found.check.mean)
     return found
+
+
+def _long_growth(order: Order) -> Growth:
+    """Return how far plans for long days are grown; under a chance constraint there are several growths."""
+    one_line = order.quick or order.iterations is not None or OverrunChance.of(order.problem) is not None
+    branches = 0 if order.quick else order.max_branches
+    return Growth(branches, order.seed + 3, order.iterations, lines=0 if one_line else LINES)
 
 
 def _first_price(order: Order, utility_sum: float) -> float:
@@ -262,22 +279,29 @@ def grown_further(order: Order, model: Model, found: Found) -> Found:
     if order.max_branches == 0 or found.curve[-1][0] >= (1.0 - LEFT_TO_WIN) * found.optimum:
         return found
     limits = Growth(order.max_branches, order.seed + 7)
-    begun = [plan for plan in dict.fromkeys((found.curve[0][1], found.curve[-1][1])) if plan]
-    curves, whole = [found.curve], 0
-    for plan in begun:
-        if watch.stop(LONG_SHARE):
-            break
-        more = grow_branches(model, plan, limits, should_stop=lambda: watch.stop(LONG_SHARE))
-        count = count_branches(plan)
-        curves.append([*found.curve[:count], *more[count:]])
-        whole += not watch.stop(LONG_SHARE)
-    done = found.done * (1 + whole) / (1 + len(begun))
-    if len(curves) == 1:
-        return dataclasses.replace(found, done=done)
-    curve = better_of(model, *curves)
+    few = len(order.problem.targets) <= MANY_TARGETS
+    begun = (found.curve[0][1], found.curve[-1][1], *(() if few else found.lines[:PROMISES]))
+    since_s, until_s = watch.work_s(), LONG_SHARE * watch.limit_s
+
+    def used() -> float:
+        return 1.0 if until_s <= since_s else (watch.work_s() - since_s) / (until_s - since_s)
+
+    if used() >= 1.0:
+        return dataclasses.replace(found, done=found.done / 2.0)
+    stopped = partial(watch.stop, LONG_SHARE)
+    more = raced(
+        model,
+        filter(None, dict.fromkeys(begun)),
+        limits,
+        used=used,
+        should_stop=stopped,
+        kept=PROMISING,
+        tries=0 if few else TRIES,
+    )
+    curve = better_of(model, found.curve, more)
     if curve[-1][0] > watch.best_value:
         watch.told(curve[-1][1], curve[-1][0])
-    return dataclasses.replace(found, curve=curve, done=done)
+    return dataclasses.replace(found, curve=curve, done=found.done * (0.5 if stopped() else 1.0))
 
 
 def better_of(model: Model, *curves: Curve) -> Curve:

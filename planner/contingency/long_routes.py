@@ -9,21 +9,24 @@ the best such route (`sampled_branches`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import chain, pairwise
+
+import numpy as np
 
 from planner.constraints.rule import MAX_BITS
+from planner.contingency.raced_lines import raced
 from planner.contingency.reduction import mean_route_of, only
-from planner.contingency.sampled_branches import Curve, better_by_branches, grow_branches
-from planner.contingency.sampled_futures import FITTED, Growth
+from planner.contingency.sampled_branches import Curve
+from planner.contingency.sampled_futures import Growth
 from planner.contingency.seeding import route_plan
 from planner.contingency.selection import makeable
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import simulate
 from planner.plan_edits import fitted
 from planner.plan_tree import Plan, count_branches, planned_observations
-from planner.problem import ObservationId, Problem
+from planner.problem import Observation, ObservationId, Problem
 
 SHARES = (1.0, 0.85, 0.7)
 """Shares of the budgets for which a route is looked for: shorter ones overrun less. By hand."""
@@ -34,19 +37,12 @@ FUTURES = 4_000
 ROUNDS = 12
 """Observations that are left out at most, one after the other."""
 
-FEW_TARGETS, MANY_TARGETS = 12, 20
-"""Targets between which branches are grown from the second best route too, since the best main line without
-branches is not always the best one with them. By hand: it earned 0.3 % more on 15 targets of seed 5 and
-nothing on 30 of seed 71944, in as much time again."""
+VARIED = 0.3
+"""Share by which utilities are changed at most, up or down, for a further route. By hand."""
 
-
-CLOSER, OTHERS = 4, 101
-"""How many times the usual futures further branches are fitted on, and what is added to the seed for them. By
-hand: on 15 targets of seed 758923 they won 0.28 % with two branches more, twice as many 0.09 % with one."""
-
-JUDGED_FROM, BEHIND = 2, 0.01
-"""Branches from which the second line is given up when it is behind the first with as many by so much of its
-value. By hand: from there on lines on 15 targets gained within 0.5 % of each other."""
+VARIED_SHARES = (1.0, 0.92, 0.85, 0.75)
+"""Shares of the budgets for those, in turn. By hand: the best lines of two days of 15 targets had 0.85 and
+0.92."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,10 +71,12 @@ def plan_long(
     limits: Growth,
     *,
     warm: tuple[Plan, ...] = (),
+    used: Callable[[], float] = lambda: 0.0,
     should_stop: Callable[[], bool] = lambda: False,
     told: Callable[[Plan, float], None] = lambda plan, value: None,
 ) -> LongPlan | None:
-    """Return plans grown from the best route on mean values, or from a warm plan; None if there is neither.
+    """Return plans grown from routes on mean values, or from a warm plan; None if there is neither. `used`
+    tells what share of the time is used up.
 
     With no branches allowed the best of route and warm plans is the answer, without polishing.
     """
@@ -97,51 +95,14 @@ def plan_long(
     value, start = max(valued, key=lambda pair: pair[0])
     if limits.max_branches == 0 or count_branches(start) > limits.max_branches:
         return LongPlan(model, [(value, start)])
-    curve = grow_branches(model, start, limits, should_stop=should_stop, told=told)
-    second = next((route.plan for route in routes if route.plan != start), ())
-    held = bool(second) and planned_observations(second) <= model.number_of.keys()
-    if held and FEW_TARGETS < len(problem.targets) <= MANY_TARGETS and not should_stop():
-        race = _Race(curve, told)
-        other = grow_branches(
-            model, second, limits, should_stop=lambda: race.lost or should_stop(), told=race.see
-        )
-        curve = better_by_branches(curve, other)
-    return LongPlan(model, _grown_closer(model, curve, limits, should_stop, told))
-
-
-def _grown_closer(
-    model: Model,
-    curve: Curve,
-    limits: Growth,
-    should_stop: Callable[[], bool],
-    told: Callable[[Plan, float], None],
-) -> Curve:
-    """Return a curve with more branches, where it has fewer than it may, that win too little to be told from
-    chance on the usual futures; those here are more, and others.
-    """
-    plan = curve[-1][1]
-    count = count_branches(plan)
-    if limits.iterations is not None or count >= limits.max_branches or should_stop():
-        return curve
-    others = replace(limits, seed=limits.seed + OTHERS)
-    more = grow_branches(model, plan, others, should_stop=should_stop, told=told, fitted=CLOSER * FITTED)
-    return [*curve[:count], *(more[count:] or curve[count:])]
-
-
-@dataclass(eq=False)
-class _Race:
-    """Whether a second line is too far behind a first one, whose curve is known, to be grown further."""
-
-    curve: Curve
-    told: Callable[[Plan, float], None]
-    lost: bool = False
-
-    def see(self, plan: Plan, value: float) -> None:
-        """Look at a plan of the second line; tell of it if it is better than all of the first."""
-        count = min(count_branches(plan), len(self.curve) - 1)
-        self.lost = count >= JUDGED_FROM and value < (1.0 - BEHIND) * self.curve[count][0]
-        if value > self.curve[-1][0]:
-            self.told(plan, value)
+    varied = varied_routes(problem, limits.lines, seed=limits.seed, should_stop=should_stop)
+    others = (
+        route.plan
+        for route in chain(routes if limits.lines else (), varied)
+        if route.plan != start and planned_observations(route.plan) <= model.number_of.keys()
+    )
+    beginnings = chain([start], others)
+    return LongPlan(model, raced(model, beginnings, limits, used=used, should_stop=should_stop, told=told))
 
 
 def widened(problem: Problem, names: set[ObservationId]) -> Problem:
@@ -184,6 +145,34 @@ def long_routes(
             if all(plan.plan != other.plan for other in found):
                 found.append(plan)
     return sorted(found, key=lambda route: -route.value)
+
+
+def varied_routes(
+    problem: Problem, count: int, *, seed: int, should_stop: Callable[[], bool] = lambda: False
+) -> Iterator[LongRoute]:
+    """Yield plans that follow routes for which some observations are worth more and others less than they
+    are: main lines that differ, of which others may be better to branch from than the best. Those of `count`
+    draws that fit are all different.
+    """
+    rng = np.random.default_rng(seed)
+    known: set[Plan] = set()
+    for k in range(count):
+        if should_stop():
+            return
+        route = mean_route_of(_varied(problem, rng), VARIED_SHARES[k % len(VARIED_SHARES)])
+        if 0 < len(route) <= MAX_BITS:
+            found = _thinned(problem, route, seed, should_stop)
+            if found.plan not in known:
+                known.add(found.plan)
+                yield found
+
+
+def _varied(problem: Problem, rng: np.random.Generator) -> Problem:
+    def varied(observation: Observation) -> Observation:
+        return replace(observation, utility=observation.utility * rng.uniform(1.0 - VARIED, 1.0 + VARIED))
+
+    targets = tuple(replace(t, observations=tuple(map(varied, t.observations))) for t in problem.targets)
+    return replace(problem, targets=targets)
 
 
 def _thinned(

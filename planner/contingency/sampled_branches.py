@@ -40,6 +40,9 @@ SHORTLIST, OF_A_POINT = 12, 3
 """Endings that are fitted on many futures for each option, and how many of them at one point: those of one
 are much alike, and what they win on few futures is partly luck. By hand."""
 
+TOLERANCE = 2e-4
+"""Share of the value below which an option wins little: as `PlannerOptions.tolerance`."""
+
 LEAST_SHARE = 0.02
 """Points that fewer futures come to get no option."""
 
@@ -52,9 +55,8 @@ class _Idea:
 
 
 class _Grower:
-    def __init__(self, sampler: Sampler) -> None:
-        self.sampler, self.model = sampler, sampler.model
-        self.endings = Endings(self.model)
+    def __init__(self, sampler: Sampler, endings: Endings) -> None:
+        self.sampler, self.model, self.endings = sampler, sampler.model, endings
 
     def points(self, line: Line) -> Iterator[tuple[Path, int]]:
         """Yield where an option may be put, with the row there."""
@@ -133,6 +135,67 @@ def _shortlist(ideas: list[_Idea]) -> list[_Idea]:
     return chosen[:SHORTLIST]
 
 
+class Growing:
+    """A plan that options are added to one after the other; `told` is told of each that is better.
+
+    `curve` holds the best plans so far with at most 0, 1, 2, ... branches, and an empty one where the plan
+    that it began with has more. Several may share a sampler and endings: what was worked out for one is known
+    to the others. A plan ends with the option that wins less than a share `least` of its value.
+    """
+
+    def __init__(
+        self,
+        sampler: Sampler,
+        endings: Endings,
+        plan: Plan,
+        told: Callable[[Plan, float], None] = lambda plan, value: None,
+        *,
+        least: float = 0.0,
+    ) -> None:
+        self.sampler, self.told, self.least = sampler, told, least
+        self._grower, self._polisher = _Grower(sampler, endings), Polisher(sampler)
+        self.ended = False
+        self.plan, self.begun = plan, count_branches(plan)
+        self.curve: Curve = [(0.0, ())] * self.begun
+        self._keep(self._polisher.polished(sampler.line(plan), thoroughly=True))
+
+    @property
+    def branches(self) -> int:
+        return count_branches(self.plan)
+
+    def best(self, branches: int) -> Plan:
+        """Return the best plan so far with at most so many branches."""
+        return self.curve[min(branches, len(self.curve) - 1)][1]
+
+    def _keep(self, line: Line) -> None:
+        self.plan = line.plan  # a later option may want tracks that nothing uses yet
+        lean = without_unused_tracks(self.sampler.model, line.plan)
+        while len(self.curve) <= count_branches(line.plan):
+            self.curve.append(self.curve[-1] if self.curve else (line.value, lean))
+        if line.value >= self.curve[-1][0]:
+            self.curve[-1] = line.value, lean
+            self.told(lean, line.value)
+
+    def grow(self) -> None:
+        """Add the option that wins most; the plan has `ended` if none wins for sure, or time is over."""
+        if self.branches >= self.sampler.limits.max_branches or self.sampler.over():
+            self.ended = True
+            return
+        grown = self._grower.best_option(self.sampler.line(self.plan))
+        if grown is None:
+            self.ended = True
+            return
+        before = self.curve[-1][0]
+        line = self.sampler.line(grown)
+        self._keep(line)
+        self._keep(self._polisher.polished(line))
+        self.ended = self.curve[-1][0] - before < self.least * abs(before)
+
+    def finish(self) -> None:
+        """Polish the plan thoroughly."""
+        self._keep(self._polisher.polished(self.sampler.line(self.plan), thoroughly=True))
+
+
 def grow_branches(
     model: Model,
     plan: Plan,
@@ -147,27 +210,8 @@ def grow_branches(
     Values are means over the `fitted` futures that the plans were fitted on: they favour the plans and must
     be checked on others.
     """
-    sampler = Sampler(model, limits, should_stop, fitted=fitted)
-    grower, polisher = _Grower(sampler), Polisher(sampler)
-    line = polisher.polished(sampler.line(plan), thoroughly=True)
-    curve: Curve = []
-
-    def keep(line: Line) -> None:
-        lean = without_unused_tracks(model, line.plan)
-        while len(curve) <= count_branches(line.plan):
-            curve.append(curve[-1] if curve else (line.value, lean))
-        if line.value >= curve[-1][0]:
-            curve[-1] = line.value, lean
-            told(lean, line.value)
-
-    keep(line)
-    while count_branches(line.plan) < limits.max_branches and not sampler.over():
-        grown = grower.best_option(line)
-        if grown is None:
-            break
-        line = sampler.line(grown)
-        keep(line)
-        line = polisher.polished(line)
-        keep(line)
-    keep(polisher.polished(line, thoroughly=True))
-    return curve
+    growing = Growing(Sampler(model, limits, should_stop, fitted=fitted), Endings(model), plan, told)
+    while not growing.ended:
+        growing.grow()
+    growing.finish()
+    return growing.curve

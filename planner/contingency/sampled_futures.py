@@ -35,11 +35,15 @@ SURE = 2.5
 
 @dataclass(frozen=True, slots=True)
 class Growth:
-    """Limits of the growth; `iterations` counts candidates carried out and is the deterministic limit."""
+    """Limits of the growth; `iterations` counts candidates carried out and is the deterministic limit.
+
+    `lines` are the main lines that are looked for beside the best ones, where several are grown.
+    """
 
     max_branches: int
     seed: int
     iterations: int | None = None
+    lines: int = 0
 
 
 @dataclass(frozen=True, eq=False)

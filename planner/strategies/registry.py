@@ -59,6 +59,8 @@ class Found:
     optimum: float | None = None
     done: float = 1.0
     """Share of the search that was done; 1 where it ended by itself."""
+    lines: tuple[Plan, ...] = ()
+    """Plans without branches that may be better to branch from than the first, the most promising first."""
 
 
 class Strategy(Protocol):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from planner.contingency.long_routes import long_routes, plan_long, widened
 from planner.contingency.reduction import live_sets_of
 from planner.contingency.sampled_branches import better_by_branches, grow_branches
 from planner.contingency.sampled_conditions import Arrivals, fitted_condition
-from planner.contingency.sampled_futures import FITTED, SCANNED, Change, Growth, Sampler
+from planner.contingency.sampled_futures import SCANNED, Change, Growth, Sampler
 from planner.contingency.sampled_polish import Polisher, reordered
 from planner.evaluate.grid import Grid
 from planner.evaluate.model import MAX_BITS, Model
@@ -297,50 +297,3 @@ def test_routes_come_in_order_and_the_better_plan_of_each_number_of_branches_is_
     a, b = routes[0].plan, routes[1].plan
     assert better_by_branches([(1.0, a), (2.0, a)], [(1.5, b)]) == [(1.5, b), (2.0, a)]
     assert better_by_branches([(1.0, a)], [(1.0, b), (3.0, b)]) == [(1.0, a), (3.0, b)]
-
-
-def test_branches_are_grown_from_a_second_route_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem, starts, futures = _many(14), [], []
-
-    def grown(
-        model: Model, plan: Plan, limits: Growth, *, fitted: int = FITTED, **_: object
-    ) -> list[tuple[float, Plan]]:
-        starts.append(plan)
-        futures.append((fitted, limits.seed))
-        return [(float(len(starts)), plan)]
-
-    monkeypatch.setattr("planner.contingency.long_routes.grow_branches", grown)
-    found = plan_long(problem, Growth(2, 1))
-    assert found is not None
-    assert starts[:2] == [route.plan for route in long_routes(problem, seed=1)[:2]]
-    assert starts[2:] == [starts[1]]  # the better one again, on other and more futures
-    assert futures[:2] == [(FITTED, 1)] * 2
-    assert futures[2][0] > FITTED
-    assert futures[2][1] != 1
-    assert found.curve == [(3.0, starts[1])]
-
-
-@pytest.mark.parametrize(("behind", "stopped"), [(0.98, True), (0.995, False)])
-def test_a_second_line_is_given_up_where_it_is_far_behind(
-    monkeypatch: pytest.MonkeyPatch, behind: float, stopped: bool
-) -> None:
-    seen: list[bool] = []
-    late = Branch(tuple(Option((TimeCondition(Comparison.GE, t),), ()) for t in (1e4, 2e4)))
-
-    def grown(
-        model: Model,
-        plan: Plan,
-        limits: Growth,
-        *,
-        should_stop: Callable[[], bool],
-        told: Callable[[Plan, float], None],
-        **_: object,
-    ) -> list[tuple[float, Plan]]:
-        value = 10.0 * (behind if seen else 1.0)
-        told((late, *plan), value)
-        seen.append(should_stop())
-        return [(value, plan)] * 3
-
-    monkeypatch.setattr("planner.contingency.long_routes.grow_branches", grown)
-    assert plan_long(_many(14), Growth(2, 1)) is not None
-    assert seen[:2] == [False, stopped]

@@ -1,0 +1,138 @@
+"""Several main lines grown side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from types import SimpleNamespace
+
+import pytest
+
+from planner.contingency import raced_lines
+from planner.contingency.long_routes import long_routes, plan_long, varied_routes
+from planner.contingency.raced_lines import raced
+from planner.contingency.sampled_branches import grow_branches
+from planner.contingency.sampled_futures import Growth
+from planner.evaluate.model import Model
+from planner.plan_tree import Observe, Plan, count_branches
+from planner.problem import ObservationId, TargetId
+from tests.planner.contingency.test_sampled_branches import _many
+
+LINES = {
+    "first": [10.0, 11.0, 11.5, 11.6],
+    "late": [9.0, 11.2, 12.0, 13.0],
+    "poor": [8.0, 8.5, 8.6, 8.7],
+}
+"""What each line is worth with 0, 1, 2 and 3 branches."""
+
+
+class _Line:
+    """A line whose values are known beforehand."""
+
+    grown: list[tuple[str, int]]
+
+    def __init__(
+        self, _sampler: object, _endings: object, plan: Plan, told: Callable[..., None], **_: object
+    ):
+        assert isinstance(plan[0], Observe)
+        self.name, self.begun, self.branches, self.ended = str(plan[0].observation), 0, 0, False
+        self.plan, self.told = plan, told
+        self.curve = [(LINES[self.name][0], _plan(self.name))]
+
+    def best(self, branches: int) -> Plan:
+        return _plan(self.name, min(branches, self.branches))
+
+    def grow(self) -> None:
+        self.branches += 1
+        self.grown.append((self.name, self.branches))
+        self.curve.append((LINES[self.name][self.branches], _plan(self.name, self.branches)))
+        self.told(self.curve[-1][1], self.curve[-1][0])
+
+    def finish(self) -> None:
+        self.grown.append((self.name, -1))
+
+
+def _plan(name: str, branches: int = 0) -> Plan:
+    return (Observe(ObservationId(name), TargetId(str(branches))),)
+
+
+def _worth(_model: object, plan: Plan, _futures: int, *, seed: int) -> SimpleNamespace:
+    step = plan[0]
+    assert isinstance(step, Observe)
+    value = LINES[str(step.observation)][int(step.target)]
+    return SimpleNamespace(estimate=lambda: SimpleNamespace(mean=value))
+
+
+@pytest.fixture
+def grown(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
+    """Return which lines got which options, -1 for the last polish."""
+    found: list[tuple[str, int]] = []
+    monkeypatch.setattr(_Line, "grown", found, raising=False)
+    monkeypatch.setattr(raced_lines, "Growing", _Line)
+    monkeypatch.setattr(raced_lines, "simulate", _worth)
+    return found
+
+
+def test_the_line_that_gains_most_is_grown_to_its_end_and_the_others_are_given_up(
+    grown: list[tuple[str, int]],
+) -> None:
+    told: list[float] = []
+    model = Model.of(_many(3))
+    curve = raced(
+        model,
+        map(_plan, LINES),
+        Growth(3, 1),
+        told=lambda _, value: told.append(value),
+        kept=(3, 2, 1),
+        tries=0,
+    )
+    assert grown == [
+        ("first", 1), ("late", 1), ("poor", 1), ("late", 2), ("first", 2), ("late", 3), ("late", -1)
+    ]  # fmt: skip
+    assert [value for value, _ in curve] == [10.0, 11.2, 12.0, 13.0]
+    assert told == sorted(told)
+
+
+def test_where_time_is_short_the_first_line_is_grown_alone(grown: list[tuple[str, int]]) -> None:
+    curve = raced(Model.of(_many(3)), map(_plan, LINES), Growth(3, 1), used=lambda: 0.9, kept=(3,), tries=0)
+    assert {name for name, _ in grown} == {"first"}
+    assert [value for value, _ in curve] == LINES["first"]
+
+
+def test_a_race_of_two_lines_earns_what_the_better_one_does_alone() -> None:
+    problem = _many(5)
+    model = Model.of(problem)
+    plans = [route.plan for route in long_routes(problem, seed=1)[:2]]
+    limits = Growth(1, 1, iterations=10_000)
+    alone = [grow_branches(model, plan, limits) for plan in plans]
+    together = raced(model, plans, limits)
+    for branches, (value, plan) in enumerate(together):
+        assert count_branches(plan) <= branches
+        assert value >= max(curve[min(branches, len(curve) - 1)][0] for curve in alone) - 1e-9
+
+
+def test_varied_routes_differ_and_are_the_same_every_time() -> None:
+    problem = _many(14)
+    found = [route.plan for route in varied_routes(problem, 4, seed=3)]
+    assert len(found) > 1
+    assert len(set(found)) == len(found)
+    assert found == [route.plan for route in varied_routes(problem, 4, seed=3)]
+
+
+def test_long_days_are_raced_from_their_routes_and_varied_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    begun: list[Plan] = []
+
+    def race(
+        _: Model, beginnings: Iterable[Plan], _limits: Growth, **_more: object
+    ) -> list[tuple[float, Plan]]:
+        begun.extend(beginnings)
+        return [(1.0, begun[0])]
+
+    monkeypatch.setattr("planner.contingency.long_routes.raced", race)
+    problem = _many(14)
+    assert plan_long(problem, Growth(2, 1, lines=3)) is not None
+    routes = [route.plan for route in long_routes(problem, seed=1)]
+    assert begun[: len(routes)] == routes
+    assert len(begun) > len(routes)
+    begun.clear()
+    assert plan_long(problem, Growth(2, 1)) is not None
+    assert begun == routes[:1]
