@@ -70,7 +70,8 @@ def raced(
     for branches in range(limits.max_branches):
         going = race.kept(going, branches)
         for line in going:
-            if line.branches == branches and not line.ended:
+            late = line is not going[0] and used() > RACED_BY  # one option may take as long as all others
+            if line.branches == branches and not line.ended and not late:
                 line.grow()
     for line in race.kept(going, limits.max_branches)[:1]:
         line.finish()

@@ -98,6 +98,19 @@ def test_where_time_is_short_the_first_line_is_grown_alone(grown: list[tuple[str
     assert [value for value, _ in curve] == LINES["first"]
 
 
+def test_time_that_ends_during_a_round_is_left_to_the_best_line(grown: list[tuple[str, int]]) -> None:
+    curve = raced(
+        Model.of(_many(3)),
+        map(_plan, LINES),
+        Growth(3, 1),
+        used=lambda: 0.9 if grown else 0.1,
+        kept=(3,),
+        tries=0,
+    )
+    assert grown == [("first", 1), ("first", 2), ("first", 3), ("first", -1)]
+    assert [value for value, _ in curve] == LINES["first"]
+
+
 def test_a_race_of_two_lines_earns_what_the_better_one_does_alone() -> None:
     problem = _many(5)
     model = Model.of(problem)
