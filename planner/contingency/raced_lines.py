@@ -1,8 +1,9 @@
-"""Several main lines that branches are grown from side by side; those that fall behind are given up.
+"""Several main lines that branches are grown from side by side; the best one's are taken out and grown again.
 
 The best plan without branches is seldom the best one with them: on 15 targets of seed 4792860 four branches
 on the best of 16 lines earned 3 % more than on the line that was best without. How good a line becomes shows
-after one or two branches, so few lines get more (successive halving: Jamieson and Talwalkar 2016).
+after a few branches, so few lines get more (successive halving: Jamieson and Talwalkar 2016). Options that
+are chosen one after the other are not the best together either (large neighbourhood search: Shaw 1998).
 """
 
 from __future__ import annotations
@@ -36,8 +37,9 @@ JUDGED_FROM, BEHIND = 5, 0.01
 hand: from there on lines on 15 targets gained within 0.5 % of each other."""
 
 CLOSER, OTHERS = 4, 101
-"""How many times the usual futures further branches are fitted on, and what is added to the seed for them. By
-hand: on 15 targets of seed 758923 they won 0.28 % with two branches more, twice as many 0.09 % with one."""
+"""How many times the usual futures further branches are fitted on, and lines are compared in, and what each
+further kind of futures adds to the seed. By hand: on 15 targets of seed 758923 they won 0.28 % with two
+branches more, twice as many 0.09 % with one."""
 
 
 def raced(
@@ -55,12 +57,11 @@ def raced(
 
     All are grown on the futures that they share (`limits.seed`), so many lines to each number of branches as
     `kept` says (further ones as its last). With `tries` options are then taken out of the best plan and grown
-    again on other futures, where that wins (large neighbourhood search: Shaw 1998), and it is grown further
-    on more futures, which tell what wins little; values are of yet other futures then. Where time is short
-    the first beginning is grown alone: `used` tells the share of it that is used up. Plans that have branches
-    already are begun with as they are.
+    again on other futures, where that wins, and it is grown further on more futures, which tell what wins
+    little; values are of yet other futures then. Where time is short the first beginning is grown alone:
+    `used` tells the share of it that is used up. Plans that have branches already are begun with as they are.
     """
-    race = _Race(model, limits.seed + 2 * OTHERS, kept, used, told)
+    race = _Race(model, limits.seed + (TRIES + 1) * OTHERS, kept, used, told)
     sampler, endings = Sampler(model, limits, should_stop), Endings(model)
     for plan in beginnings:
         if race.lines and (sampler.over() or used() > BEGUN_BY):
@@ -84,12 +85,13 @@ def raced(
         plan = race.best_of(curves)[-1][1]
         if sampler.over() or used() > REGROWN_BY or count_branches(plan) < TAKEN_OUT[0]:
             break
-        others = Sampler(model, replace(limits, seed=limits.seed + k * OTHERS), should_stop)
-        curves.append(_to_its_end(Growing(others, endings, _thinned(plan, draw), least=TOLERANCE)))
+        again = Sampler(model, replace(limits, seed=limits.seed + k * OTHERS), should_stop)
+        curves.append(_to_its_end(Growing(again, endings, _without_some(plan, draw), least=TOLERANCE)))
     plan = race.best_of(curves)[-1][1]
     if count_branches(plan) < limits.max_branches and not sampler.over():
-        more = Sampler(model, replace(limits, seed=limits.seed - OTHERS), should_stop, fitted=CLOSER * FITTED)
-        curves.append(_to_its_end(Growing(more, endings, plan)))
+        last = replace(limits, seed=limits.seed + (TRIES + 2) * OTHERS)
+        closer = Sampler(model, last, should_stop, fitted=CLOSER * FITTED)
+        curves.append(_to_its_end(Growing(closer, endings, plan)))
     found = race.best_of(curves)
     told(found[-1][1], found[-1][0])
     return found
@@ -102,7 +104,7 @@ def _to_its_end(line: Growing) -> Curve:
     return line.curve
 
 
-def _thinned(plan: Plan, draw: random.Random) -> Plan:
+def _without_some(plan: Plan, draw: random.Random) -> Plan:
     """Return a plan without some of its options, and without those that they hold."""
     for _ in range(draw.choice(TAKEN_OUT)):
         paths = [path for path, _ in options_of(plan)]

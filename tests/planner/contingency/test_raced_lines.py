@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -11,8 +12,9 @@ from planner.contingency import raced_lines
 from planner.contingency.long_routes import long_routes, plan_long, varied_routes
 from planner.contingency.raced_lines import raced
 from planner.contingency.sampled_branches import grow_branches
-from planner.contingency.sampled_futures import Growth
+from planner.contingency.sampled_futures import Growth, Sampler
 from planner.evaluate.model import Model
+from planner.evaluate.monte_carlo import Futures, simulate
 from planner.plan_tree import Observe, Plan, count_branches
 from planner.problem import ObservationId, TargetId
 from tests.planner.contingency.test_sampled_branches import _many
@@ -121,6 +123,34 @@ def test_a_race_of_two_lines_earns_what_the_better_one_does_alone() -> None:
     for branches, (value, plan) in enumerate(together):
         assert count_branches(plan) <= branches
         assert value >= max(curve[min(branches, len(curve) - 1)][0] for curve in alone) - 1e-9
+
+
+def test_options_grown_again_are_compared_in_futures_of_their_own(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    problem = _many(5)
+    model = Model.of(problem)
+    plan = long_routes(problem, seed=1)[0].plan
+    fitted: list[int] = []
+    compared: list[int] = []
+
+    def samples(model: Model, limits: Growth, *rest: Any, **more: Any) -> Sampler:
+        fitted.append(limits.seed)
+        return Sampler(model, limits, *rest, **more)
+
+    def simulates(model: Model, plan: Plan, futures: int, *, seed: int) -> Futures:
+        compared.append(seed)
+        return simulate(model, plan, futures, seed=seed)
+
+    monkeypatch.setattr("planner.contingency.raced_lines.Sampler", samples)
+    monkeypatch.setattr("planner.contingency.raced_lines.simulate", simulates)
+    once = raced(model, [plan], Growth(3, 1), tries=0)
+    curve = raced(model, [plan], Growth(3, 1), tries=3)
+    assert len(set(fitted)) >= 4
+    assert not set(fitted) & set(compared)
+    worth = [simulate(model, best[-1][1], 100_000, seed=9).estimate().mean for best in (once, curve)]
+    assert worth[1] >= worth[0] - 0.002 * abs(worth[0])
+    assert all(count_branches(plan) <= k for k, (_, plan) in enumerate(curve))
 
 
 def test_varied_routes_differ_and_are_the_same_every_time() -> None:
