@@ -153,3 +153,15 @@ def test_a_large_table_gives_no_less_than_a_part_does(monkeypatch: pytest.Monkey
     assert part.expected_utility > 10.0
     assert whole.expected_utility >= 0.99 * part.expected_utility
     assert whole.lower <= whole.expected_utility <= whole.upper
+
+
+@pytest.mark.parametrize(("count", "futures"), [(8, 20_000), (9, 80_000)])
+def test_a_plan_of_many_targets_is_checked_in_more_futures(count: int, futures: int) -> None:
+    options = PlannerOptions(check_futures=20_000, long_check_futures=80_000)
+    result = solve(_day(count), time_limit_s=0.5, options=options)
+    assert result.check is not None
+    drawn = (result.check.standard_deviation / result.check.standard_error) ** 2
+    assert drawn == pytest.approx(futures, rel=1e-3)
+    assert result.lower == pytest.approx(
+        min(result.check.mean - 2.576 * result.check.standard_error, result.expected_utility)
+    )
