@@ -72,10 +72,11 @@ def raced(
         going = race.kept(going, branches)
         for line in going:
             late = line is not going[0] and used() > RACED_BY  # one option may take as long as all others
-            if line.branches == branches and not line.ended and not late:
+            # an ending that wins under any condition replaces the rest, and is no branch more
+            if line.branches <= branches and not line.ended and not late:
                 line.grow()
-    for line in race.kept(going, limits.max_branches)[:1]:
-        line.finish()
+    if going:
+        _to_its_end(max(going, key=lambda line: race.worth(line.curve[-1][1])))
     curve = better_by_branches(*(line.curve for line in race.lines))
     if not tries or not curve or limits.iterations is not None:
         return curve
@@ -135,15 +136,13 @@ class _Race:
     def worth(self, plan: Plan) -> float:
         """Return what a plan earns in those futures."""
         if plan not in self._known:
-            found = simulate(self.model, plan, CLOSER * FITTED, seed=self.seed)
-            self._known[plan] = found.estimate().mean
+            found = simulate(self.model, plan, CLOSER * FITTED, seed=self.seed) if plan else None
+            self._known[plan] = found.estimate().mean if found is not None else 0.0
         return self._known[plan]
 
     def best_of(self, curves: list[Curve]) -> Curve:
         """Return for each number of branches the plan of the curves that is worth most."""
-        return better_by_branches(
-            *([(self.worth(plan) if plan else 0.0, plan) for _, plan in curve] for curve in curves)
-        )
+        return better_by_branches(*([(self.worth(plan), plan) for _, plan in curve] for curve in curves))
 
     def enter(self, line: Growing) -> None:
         """Take a line that no other is like: what two that differ earn in these futures is never the same."""
@@ -157,10 +156,11 @@ class _Race:
             self.told(plan, value)
 
     def kept(self, lines: list[Growing], branches: int) -> list[Growing]:
-        """Return the lines that go on to one branch more than so many, the best first; those that were begun
-        with more wait.
+        """Return the lines that go on to one branch more than so many, the best first where some are given
+        up; those that were begun with more wait.
         """
-        if len(lines) == 1:
+        count = self.counts[min(branches, len(self.counts) - 1)] if self.used() < RACED_BY else 1
+        if len(lines) == 1 or (branches < JUDGED_FROM and len(lines) <= count):
             return lines
         waiting = [line for line in lines if line.begun > branches]
         worth = {line: self.worth(line.best(branches)) for line in lines if line.begun <= branches}
@@ -168,5 +168,4 @@ class _Race:
         if branches >= JUDGED_FROM and ranked:
             least = worth[ranked[0]] - BEHIND * abs(worth[ranked[0]])
             ranked = [line for line in ranked if worth[line] >= least]
-        count = self.counts[min(branches, len(self.counts) - 1)] if self.used() < RACED_BY else 1
         return [*ranked[:count], *waiting]

@@ -23,8 +23,10 @@ LINES = {
     "first": [10.0, 11.0, 11.5, 11.6],
     "late": [9.0, 11.2, 12.0, 13.0],
     "poor": [8.0, 8.5, 8.6, 8.7],
+    "replaced": [8.0, 11.3, 12.0, 13.0],
 }
 """What each line is worth with 0, 1, 2 and 3 branches."""
+THREE = ("first", "late", "poor")
 
 
 class _Line:
@@ -44,6 +46,12 @@ class _Line:
         return _plan(self.name, min(branches, self.branches))
 
     def grow(self) -> None:
+        if self.branches == len(LINES[self.name]) - 1:
+            self.ended = True
+            return
+        if self.name == "replaced" and self.branches == 1 and (self.name, 0) not in self.grown:
+            self.grown.append((self.name, 0))  # an ending that wins always replaces the rest: no branch more
+            return
         self.branches += 1
         self.grown.append((self.name, self.branches))
         self.curve.append((LINES[self.name][self.branches], _plan(self.name, self.branches)))
@@ -81,7 +89,7 @@ def test_the_line_that_gains_most_is_grown_to_its_end_and_the_others_are_given_u
     model = Model.of(_many(3))
     curve = raced(
         model,
-        map(_plan, LINES),
+        map(_plan, THREE),
         Growth(3, 1),
         told=lambda _, value: told.append(value),
         kept=(3, 2, 1),
@@ -95,7 +103,7 @@ def test_the_line_that_gains_most_is_grown_to_its_end_and_the_others_are_given_u
 
 
 def test_where_time_is_short_the_first_line_is_grown_alone(grown: list[tuple[str, int]]) -> None:
-    curve = raced(Model.of(_many(3)), map(_plan, LINES), Growth(3, 1), used=lambda: 0.9, kept=(3,), tries=0)
+    curve = raced(Model.of(_many(3)), map(_plan, THREE), Growth(3, 1), used=lambda: 0.9, kept=(3,), tries=0)
     assert {name for name, _ in grown} == {"first"}
     assert [value for value, _ in curve] == LINES["first"]
 
@@ -103,7 +111,7 @@ def test_where_time_is_short_the_first_line_is_grown_alone(grown: list[tuple[str
 def test_time_that_ends_during_a_round_is_left_to_the_best_line(grown: list[tuple[str, int]]) -> None:
     curve = raced(
         Model.of(_many(3)),
-        map(_plan, LINES),
+        map(_plan, THREE),
         Growth(3, 1),
         used=lambda: 0.9 if grown else 0.1,
         kept=(3,),
@@ -111,6 +119,15 @@ def test_time_that_ends_during_a_round_is_left_to_the_best_line(grown: list[tupl
     )
     assert grown == [("first", 1), ("first", 2), ("first", 3), ("first", -1)]
     assert [value for value, _ in curve] == LINES["first"]
+
+
+def test_a_line_whose_rest_is_replaced_is_still_grown_to_its_end(grown: list[tuple[str, int]]) -> None:
+    lines = map(_plan, ("first", "replaced"))
+    curve = raced(Model.of(_many(3)), lines, Growth(3, 1), kept=(2,), tries=0)
+    assert [one for one in grown if one[0] == "replaced"] == [
+        ("replaced", 1), ("replaced", 0), ("replaced", 2), ("replaced", 3), ("replaced", -1)
+    ]  # fmt: skip
+    assert [value for value, _ in curve] == [10.0, 11.3, 12.0, 13.0]
 
 
 def test_a_race_of_two_lines_earns_what_the_better_one_does_alone() -> None:
