@@ -16,7 +16,7 @@ from itertools import chain, pairwise
 import numpy as np
 
 from planner.constraints.rule import MAX_BITS
-from planner.contingency.raced_lines import raced
+from planner.contingency.raced_lines import TRIES, raced
 from planner.contingency.reduction import mean_route_of, only
 from planner.contingency.sampled_branches import Curve
 from planner.contingency.sampled_futures import Growth
@@ -102,7 +102,10 @@ def plan_long(
         if route.plan != start and planned_observations(route.plan) <= model.number_of.keys()
     )
     beginnings = chain([start], others)
-    return LongPlan(model, raced(model, beginnings, limits, used=used, should_stop=should_stop, told=told))
+    # where one line is asked for there are several growths, and each has to leave time for the others
+    tries = TRIES if limits.lines else 0
+    curve = raced(model, beginnings, limits, used=used, should_stop=should_stop, told=told, tries=tries)
+    return LongPlan(model, curve)
 
 
 def widened(problem: Problem, names: set[ObservationId]) -> Problem:

@@ -11,7 +11,7 @@ import pytest
 from planner.contingency import raced_lines
 from planner.contingency.long_routes import long_routes, plan_long, varied_routes
 from planner.contingency.raced_lines import raced
-from planner.contingency.sampled_branches import grow_branches
+from planner.contingency.sampled_branches import Curve, grow_branches
 from planner.contingency.sampled_futures import Growth, Sampler
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import Futures, simulate
@@ -181,9 +181,10 @@ def test_varied_routes_differ_and_are_the_same_every_time() -> None:
 def test_long_days_are_raced_from_their_routes_and_varied_ones(monkeypatch: pytest.MonkeyPatch) -> None:
     begun: list[Plan] = []
 
-    def race(
-        _: Model, beginnings: Iterable[Plan], _limits: Growth, **_more: object
-    ) -> list[tuple[float, Plan]]:
+    tried: list[int] = []
+
+    def race(_: Model, beginnings: Iterable[Plan], *_more: object, tries: int, **_named: object) -> Curve:
+        tried.append(tries)
         begun.extend(beginnings)
         return [(1.0, begun[0])]
 
@@ -196,3 +197,4 @@ def test_long_days_are_raced_from_their_routes_and_varied_ones(monkeypatch: pyte
     begun.clear()
     assert plan_long(problem, Growth(2, 1)) is not None
     assert begun == routes[:1]
+    assert tried == [raced_lines.TRIES, 0]  # under a chance constraint one growth leaves time for the next
