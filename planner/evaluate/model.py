@@ -204,6 +204,19 @@ class Model:
         """
         return self._with_amounts_of(mixed(self.problem)) if len(self.sols.chance) else self
 
+    def with_limits_of(self, problem: Problem) -> Model:
+        """Return the model of a problem that differs from this one's by its budgets and windows alone."""
+        rules, columns = columns_of(problem)
+        return replace(
+            self,
+            problem=problem,
+            t_max_s=_longest_s(problem),
+            e_max_j=_some(problem.budget.usable_energy_j),
+            window=columns.window,
+            data_limit_mbit=columns.data_limit_mbit,
+            rules=rules,
+        )
+
     def _with_amounts_of(self, problem: Problem) -> Model:
         other = Model.of(problem)
         return replace(

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
 
-from planner.constraints.registry import columns_of
 from planner.contingency.order_in_futures import Order
-from planner.contingency.why_not.limits import WINDOW, widened
 from planner.contingency.why_not.order_value import OrderValues
 from planner.contingency.why_not.orders_by_budget import (
     AHEAD,
@@ -28,6 +27,12 @@ PARTS = 4
 
 LIKELIEST = 4
 """Orders kept whose worth in a window is told by more futures: a run there takes four times as long."""
+
+AT_A_TIME = 4
+"""Orders whose worth in a window is told at once, those first that may be worth the most."""
+
+WORSE = 0.005
+"""Share of a value by which a longer window may make an order worse, as more is made in it."""
 
 SELDOM = 3.0 * LEAST_CHANCE
 """Chances up to which more futures are too few to tell whether an order makes the observation at all."""
@@ -69,8 +74,11 @@ class BudgetContest:
     def least(self, off: Floats) -> int | None:
         """Return the least factor in more futures, `off` [factors]; orders are sought there."""
         if not self.sought:
-            self._seek(self.last)
             orders, off_by_none = self.question.orders, np.zeros(len(off))
+            orders.search_with(self.how, self.last)
+            if not orders.near_a_lead(self.how):  # without it there may be better orders than are known
+                return None
+            self._seek(self.last)
             if not orders.near_a_lead(self.how):
                 return None
             at = self._first(orders, off_by_none)
@@ -133,7 +141,9 @@ class WindowContest:
         self.last = len(question.orders.factors) - 1
         self.sought: list[int] = []
         self.held: dict[Order, None] = {}
-        self._in_window: dict[tuple[bool, int], OrdersByBudget] = {}
+        self._in_window: dict[int, OrdersByBudget] = {}
+        self._in_window_closer: dict[int, OrdersByBudget] = {}
+        self._rivals: dict[tuple[bool, int], tuple[int, float]] = {}
 
     def least(self, off: Floats) -> int | None:
         """Return the least factor in more futures, `off` [factors], by bisection: a longer window never makes
@@ -155,27 +165,31 @@ class WindowContest:
         return at
 
     def _bisected(self, off: Floats, *, closer: bool, near: int) -> int | None:
-        """Return the least factor at which the orders kept are ahead; sought from `near` on."""
+        """Return the least factor at which the orders kept are ahead; sought from `near` on.
+
+        Between two factors whose leads are known the next is where a straight line between these says.
+        """
         step, low, high = 1, 0, self.last + 1
+        leads: dict[int, float] = {}
         while high - low > 1:
-            if self._lead(near, closer=closer) + off[near] > 0.0:
+            lead = leads[near] = self._lead(near, closer=closer) + off[near]
+            if lead > 0.0:
                 high = near
             else:
                 low = near
             near = near - step if high == near else near + step
             step *= 2
             if not low < near < high:
-                near = (low + high) // 2
+                near = _between(low, high, leads)
         return high if high <= self.last else None
 
     def _window(self, at: int, *, closer: bool) -> OrdersByBudget:
         """Return the orders in the window of a factor."""
-        found = self._in_window.get((closer, at))
+        known = self._in_window_closer if closer else self._in_window
+        found = known.get(at)
         if found is None:
-            question = self.question
-            usual = question.closer if closer else question.orders
-            wide = widened(question.problem, question.what, (WINDOW,), float(usual.factors[at]))
-            found = self._in_window[closer, at] = usual.in_windows(columns_of(wide)[1].window)
+            usual = self.question.closer if closer else self.question.orders
+            found = known[at] = usual.in_windows(self.question.windows(at))
         return found
 
     def _seek(self, at: int) -> bool:
@@ -196,26 +210,62 @@ class WindowContest:
         return True
 
     def _lead(self, at: int, *, closer: bool) -> float:
-        wide, usual = (
-            self._window(at, closer=closer),
-            self.question.closer if closer else self.question.orders,
-        )
         if closer:
-            near = self.question.orders.best(self.how, at, holds=False, most=NEAR)
-            usual.look_at(order for _, order in near)
-        held = self._likeliest(at) if closer else list(self.held)
-        wide.look_at(held)
-        best = max(wide.worths(held, self.how, at), default=-np.inf)
-        others = usual.best(self.how, at, holds=False)
-        return best - AHEAD * abs(best) - max(0.0, others[0][0] if others else 0.0)
+            wide, held = self._window(at, closer=True), self._likeliest(at)
+            wide.look_at(held)
+            best = max(wide.worths(held, self.how, at), default=-np.inf)
+        else:
+            best = max((worth for worth, _ in self._ranked(at, 1)), default=-np.inf)
+        return best - AHEAD * abs(best) - self._rival(at, closer=closer)
+
+    def _rival(self, at: int, *, closer: bool) -> float:
+        """Return what the best order without the observation earns at a factor; to do nothing is one."""
+        orders = self.question.orders
+        usual = self.question.closer if closer else orders
+        count, worth = self._rivals.get((closer, at), (-1, 0.0))
+        if count != len(orders.number):
+            if closer:
+                near = orders.best(self.how, at, holds=False, most=NEAR)
+                usual.look_at(order for _, order in near)
+            count, worth = len(orders.number), max(0.0, usual.most(self.how, at, holds=False))
+            self._rivals[closer, at] = count, worth
+        return worth
+
+    def _ranked(self, at: int, most: int) -> list[tuple[float, Order]]:
+        """Return those of the orders kept that are best in the window of a factor, with their worths.
+
+        A longer window never makes an order worse by much: by what they are worth in the next longer one that
+        is known, with the budgets of this factor, the likeliest are taken first, and the others are not where
+        they cannot be among the best.
+        """
+        wide = self._window(at, closer=False)
+        longer = sorted(other for other in self._in_window if other > at)
+        fresh = [order for order in self.held if order not in wide]
+        bounds = {order: self._bound(order, at, longer) for order in fresh}
+        fresh.sort(key=lambda order: -bounds[order])
+        known = [order for order in self.held if order in wide]
+        while True:
+            worths = wide.worths(known, self.how, at)
+            best = np.argsort([-worth for worth in worths], kind="stable")[:most]
+            least = worths[best[-1]] if len(best) == most else -np.inf
+            new = [order for order in fresh[:AT_A_TIME] if bounds[order] > least]
+            if not new:
+                return [(worths[k], known[k]) for k in best]
+            wide.look_at(new)
+            known, fresh = known + new, fresh[len(new) :]
+
+    def _bound(self, order: Order, at: int, longer: list[int]) -> float:
+        """Return what an order is worth at most in the window of a factor, by the next of longer ones."""
+        for other in longer:
+            wide = self._in_window[other]
+            if order in wide:
+                worth = wide.worth(order, self.how, at)
+                return worth + WORSE * abs(worth) if worth > -np.inf else worth
+        return np.inf
 
     def _likeliest(self, at: int) -> list[Order]:
         """Return those of the orders kept that are best in the window of a factor."""
-        few = self._window(at, closer=False)
-        few.look_at(self.held)
-        held = list(self.held)
-        best = np.argsort([-worth for worth in few.worths(held, self.how, at)], kind="stable")
-        return [held[k] for k in best[:LIKELIEST]]
+        return [order for _, order in self._ranked(at, LIKELIEST)]
 
     def lead(self, at: int) -> float:
         """Return the lead in more futures."""
@@ -232,9 +282,22 @@ class WindowContest:
         return _too_seldom(order, self._window(at, closer=True), self.how, at, values)
 
 
+def _between(low: int, high: int, leads: Mapping[int, float]) -> int:
+    """Return the number of a factor between two, of which the first is behind and the other ahead: where a
+    straight line between their leads says, not further than a quarter from the middle; the middle where one
+    lead is not known.
+    """
+    middle, room = (low + high) // 2, (high - low) // 4
+    below, above = leads.get(low, -np.inf), leads.get(high, np.inf)
+    if not np.isfinite(below) or not np.isfinite(above):
+        return middle
+    told = low + round((high - low) * -below / (above - below))
+    return min(max(told, middle - room), middle + room)
+
+
 def _too_seldom(order: Order, told: OrdersByBudget, how: Widened, at: int, values: OrderValues) -> bool:
     if told.chance(order, how, at) >= SELDOM:
         return False
-    chance = values.chance(order, told.asked)
+    chance = values.chance(order, told.asked, LEAST_CHANCE)
     told.put_right(order, how, at, chance)
     return chance < LEAST_CHANCE

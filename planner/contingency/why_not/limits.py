@@ -28,6 +28,8 @@ def widened(problem: Problem, what: Observation, kinds: Collection[str], factor:
     wider = dataclasses.replace(what, window_s=(opens - more, closes + more))
     targets = tuple(
         dataclasses.replace(t, observations=tuple(wider if o.id == what.id else o for o in t.observations))
+        if t.id == what.target
+        else t
         for t in problem.targets
     )
     return dataclasses.replace(problem, targets=targets)

@@ -157,15 +157,17 @@ def _parts_of(levels: Ints, race: bool) -> Ints:
 @njit(cache=True, nogil=True)
 def carry_out(
     orders: Ints, sizes: Ints, ways: Ints, costs: Costs, world: World, windows: Floats,
-    futures: TabledFutures, scale: Scale, asked: int, row: int, at: int, curves: NDArray[np.float32],
+    futures: TabledFutures, scale: Scale, asked: int, row: int, at: int, rivals: Truths,
+    curves: NDArray[np.float32],
 ) -> Ints:  # fmt: skip
     """Write curves [rows, 6, factors] of orders, rows of `orders` [n, most] of which the first `sizes` count;
     return which orders they are of.
 
     A curve is, by number of a factor, the mean utility in rows 0..2 and the chance that the observation
     `asked` is made in rows 3..5; `costs` has the budgets of the largest factor. Where `row` is
-    not negative, the first order is the rival, whose curve is known: another that is `HOPELESS` behind it
-    at factor number `at` on what that row widens, after the futures of an inner level, gets no curve.
+    not negative, `rivals` [n] says which orders are rivals, whose curves are known and of which the first is
+    one: another that is `HOPELESS` behind the last rival before it at factor number `at` on what that row
+    widens, after the futures of an inner level, gets no curve.
     `windows` are [m, 2]. Drives that orders may take are worked out first; to ask for that apart takes longer
     than most of the runs, as all the tables are handed over again.
 
@@ -210,7 +212,7 @@ def carry_out(
         behind, squares = 0.0, 0.0
         for part in range(parts.shape[0]):
             begin, end, telling = parts[part, 0], parts[part, 1], parts[part, 2] == 1
-            if telling and row >= 0 and number == 0:
+            if telling and row >= 0 and rivals[number]:
                 break
             if telling and begin == 0:
                 gained[:] = 0.0
@@ -256,7 +258,7 @@ def carry_out(
                 continue
             for j in range(n):
                 real[EARNED + j] -= 0.0 if whole[LIVE + j] else costs.penalty
-            if number == 0:
+            if rivals[number]:
                 for j in range(n):
                     rival[begin + j] = real[EARNED + j]
             for j in range(n):

@@ -13,11 +13,12 @@ first of the futures tell: those get no curve (races: Maron and Moore 1997).
 
 from __future__ import annotations
 
+import copy
 import itertools
 import math
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +62,15 @@ BEGUN = 256
 
 FAR_BEHIND = 0.05
 """Share of a value behind which, at every factor, no order is sought that makes it up. By hand."""
+
+
+def _doubled(rows: NDArray[Any], used: int) -> NDArray[Any]:
+    """Return an array [2 * rows, ...] that begins with the rows of another that are used; to copy the others,
+    too, takes as long as to carry orders out.
+    """
+    wider = np.empty((2 * len(rows), *rows.shape[1:]), rows.dtype)
+    wider[:used] = rows[:used]
+    return wider
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,12 +127,17 @@ class OrdersByBudget:
         self._scale = Scale.of(*limits, self.factors)
         self._restricted = bool(model.limits) or bool(np.any(model.predecessors))
         self.windows = model.window
-        self.number: dict[Order, int] = {}
-        self._named: dict[bytes, int] = {}
         self._neighbours: dict[Order, Near] = {}
         self._useful = model.utility > 0.0
+        self._forget()
+
+    def _forget(self) -> None:
+        """Know no orders."""
+        self.number: dict[Order, int] = {}
+        self._named: dict[bytes, int] = {}
         self._climbed: set[tuple[Order, int, int, bool]] = set()
         self._orders: list[Order] = []
+        self._tops: dict[tuple[Widened, bool], tuple[int, Curves]] = {}
         self._curves = np.empty((BEGUN, 6, len(self.factors)), np.float32)
         self._held = np.empty(BEGUN, np.bool_)
         self._needs = np.empty(BEGUN)
@@ -130,8 +145,9 @@ class OrdersByBudget:
 
     def in_windows(self, windows: Floats) -> OrdersByBudget:
         """Return no orders yet, in the same futures with other windows of the observations, [m, 2]."""
-        other = OrdersByBudget(self.model, self.asked, self.widest, self.futures, doubt=self.doubt)
-        other.windows, other._neighbours, other._right = windows, self._neighbours, self._right
+        other = copy.copy(self)
+        other.windows = windows
+        other._forget()
         return other
 
     def __contains__(self, order: Order) -> bool:
@@ -155,21 +171,23 @@ class OrdersByBudget:
         table = np.zeros((len(orders), max(1, int(sizes.max()))), np.int64)
         every = itertools.chain.from_iterable(orders)
         table[np.arange(table.shape[1]) < sizes[:, None]] = np.fromiter(every, np.int64, int(sizes.sum()))
-        self._work_out(table, sizes, row, at)
+        self._work_out(table, sizes, row, at, [0])
 
-    def _work_out(self, table: Ints, sizes: Ints, row: int, at: int) -> Ints:
+    def _work_out(self, table: Ints, sizes: Ints, row: int, at: int, rivals: list[int]) -> None:
         """Work out the curves of orders, rows of a table that have none yet; with a row of the curves those
-        that are not far behind the first at factor number `at`, which has one. Return which rows got one; the
-        orders are numbered in turn.
+        that are not far behind the last of the `rivals` before them at factor number `at`. These are rows,
+        the first row is one, and they have curves.
         """
         first = len(self._orders)
         while first + len(table) > len(self._held):
-            self._curves = np.concatenate([self._curves, np.empty_like(self._curves)])
-            self._held = np.concatenate([self._held, self._held])
-            self._needs = np.concatenate([self._needs, self._needs])
+            self._curves, self._held, self._needs = (
+                _doubled(rows, first) for rows in (self._curves, self._held, self._needs)
+            )
+        leads = np.zeros(len(table), np.bool_)
+        leads[rivals] = True
         kept = carry_out(
             table, sizes, self._ways, self._costs, self._world, self.windows, self.futures, self._scale,
-            self.asked, row, at, self._curves[first:],
+            self.asked, row, at, leads, self._curves[first:],
         )  # fmt: skip
         for line, size in zip(table[kept].tolist(), sizes[kept].tolist(), strict=True):
             order = tuple(line[:size])
@@ -180,7 +198,6 @@ class OrdersByBudget:
         fresh = self._curves[first : len(self._orders)]
         for k in (TIME, ENERGY):
             self._ample[k] = self._ample[k] and np.array_equal(fresh[:, k, -1], fresh[:, k, 0])
-        return kept
 
     def volume(self, order: Order) -> float:
         """Return the factor on the downlink volume that an order needs."""
@@ -233,7 +250,7 @@ class OrdersByBudget:
         if self._volume:
             most = (self.factors[at] if how.volume else np.ones(1)) * (1.0 + 1e-9)
             values = np.where(self._needs[numbers][:, None] <= most, values, -np.inf)
-        if holds is not False:
+        if holds is not False and self._held[numbers].any():
             chances = self._curves[numbers, 3 + row, column]
             if self._right or self.doubt != 1.0:
                 right = [self._right.get(self._orders[k], self.doubt) for k in numbers]
@@ -241,6 +258,12 @@ class OrdersByBudget:
             seldom = chances < how.least
             values = np.where(self._held[numbers][:, None] & seldom, -np.inf, values)
         return values, numbers
+
+    def most(self, how: Widened, at: int, *, holds: bool) -> float:
+        """Return the value of the best order known of a side at factor number `at`; -inf where there is
+        none.
+        """
+        return float(self._worths(how, at, holds=holds)[0].max(initial=-np.inf))
 
     def best(
         self, how: Widened, at: int, *, holds: bool, most: int = 1, tied: int = 2, within: float = 0.0
@@ -290,11 +313,18 @@ class OrdersByBudget:
 
     def _best_worths(self, how: Widened) -> tuple[Curves, Curves]:
         """Return the worth of the best order with the observation, and of the best without it, by factor."""
-        one, other = (
-            np.max(self._worths(how, slice(None), holds=holds)[0], axis=0, initial=least)
-            for holds, least in ((True, -np.inf), (False, 0.0))
-        )
-        return one, other
+        one, other = (self._top(how, holds=holds) for holds in (True, False))
+        return one, np.maximum(other, 0.0)
+
+    def _top(self, how: Widened, *, holds: bool) -> Curves:
+        """Return the worth of the best order of a side by factor; -inf where there is none."""
+        count, top = self._tops.get((how, holds), (0, np.full(1, -np.inf, np.float32)))
+        if self._right or self.doubt != 1.0:  # then what was added up may not hold any more
+            count, top = 0, np.full(1, -np.inf, np.float32)
+        fresh = count + np.flatnonzero(self._held[count : len(self._orders)] == holds)
+        top = np.maximum(top, self._worths(how, slice(None), numbers=fresh)[0].max(axis=0, initial=-np.inf))
+        self._tops[how, holds] = len(self._orders), top
+        return top
 
     def _told_by(self, how: Widened, at: int) -> tuple[int, int]:
         """Return the row and column of the curves that are searched by; a budget that no order exceeds is
@@ -325,30 +355,59 @@ class OrdersByBudget:
             order = self._orders[numbers[k]]
             if order:
                 begun.setdefault(order[0], (float(worths[k, 0]), order))
-        for value, order in begun.values():
-            self._climb(how, at, value, order)
+        self._climb(how, at, list(begun.values()))
 
-    def _climb(self, how: Widened, at: int, value: float, here: Order) -> None:
-        """Change an order as long as that wins; orders far behind after few futures are given up there."""
+    def _climb(self, how: Widened, at: int, begun: list[tuple[float, Order]]) -> None:
+        """Change orders, each with its value, as long as that wins; all at once, as handing over the tables
+        takes longer than some of the runs.
+        """
+        row, column = self._told_by(how, at)
+        while begun:
+            heres = {here: value for value, here in begun}
+            heres = {h: v for h, v in heres.items() if (h, row, column, how.volume) not in self._climbed}
+            self._climbed.update((here, row, column, how.volume) for here in heres)
+            self._race(how, at, sorted(heres, key=lambda here: heres[here]))
+            begun = [
+                better
+                for here, value in heres.items()
+                if (better := self._best_change(how, at, here))[0] > value
+            ]
+
+    def _best_change(self, how: Widened, at: int, here: Order) -> tuple[float, Order]:
+        """Return the best order known that one change of an order leads to, with its value."""
+        named = self._named
+        numbers = np.array([named[name] for name in self._near(here).names if name in named], np.int64)
+        if not len(numbers):
+            return -math.inf, here
+        worths = self._worths(how, at, numbers=numbers)[0][:, 0]
+        best = worths.argmax()
+        return float(worths[best]), self._orders[numbers[best]]
+
+    def _race(self, how: Widened, at: int, heres: list[Order]) -> None:
+        """Work out the curves of the orders that one change of some leads to, except where they are far
+        behind the first of these that leads there after few futures.
+        """
         row, column = self._told_by(how, at)
         most = (self.factors[at] if how.volume else 1.0) * (1.0 + 1e-9)
-        while (here, row, column, how.volume) not in self._climbed:
-            self._climbed.add((here, row, column, how.volume))
+        taken: set[bytes] = set()
+        parts, sizes, rivals = [], [], []
+        for here in heres:
             near = self._near(here)
-            known = np.array([self._named.get(name, -1) for name in near.names], np.int64)
-            fresh = np.flatnonzero((known < 0) & (near.needs <= most))
-            if len(fresh):
-                table = np.zeros((1 + len(fresh), near.table.shape[1]), np.int64)
-                table[0, : len(here)], table[1:] = here, near.table[fresh]
-                first = len(self._orders)
-                kept = self._work_out(table, np.append(len(here), near.sizes[fresh]), row, column)
-                known[fresh[kept - 1]] = np.arange(first, first + len(kept))
-            numbers = known[known >= 0]
-            worths = self._worths(how, at, numbers=numbers)[0][:, 0]
-            if not len(numbers) or worths.max() <= value:
-                return
-            best = worths.argmax()
-            value, here = float(worths[best]), self._orders[numbers[best]]
+            rows = [k for k, name in enumerate(near.names) if name not in self._named and name not in taken]
+            if self._volume:
+                rows = [k for k in rows if near.needs[k] <= most]
+            if rows:
+                taken.update(near.names[k] for k in rows)
+                rivals.append(sum(map(len, parts)))
+                parts += [np.array([(*here, 0)]), near.table[rows]]
+                sizes += [np.array([len(here)]), near.sizes[rows]]
+        if parts:
+            table = np.zeros((sum(map(len, parts)), max(part.shape[1] for part in parts)), np.int64)
+            begin = 0
+            for part in parts:
+                table[begin : begin + len(part), : part.shape[1]] = part
+                begin += len(part)
+            self._work_out(table, np.concatenate(sizes), row, column, rivals)
 
     def _near(self, order: Order) -> Near:
         """Return the orders that one change of an order leads to and that can be made, of one side."""
@@ -397,12 +456,16 @@ class OrdersByBudget:
     def search(self, how: Widened, at: int) -> None:
         """Look for better orders of both sides at a factor, and with the observation just below it."""
         self.climb(how, at, holds=False)
+        self.search_with(how, at)
+        self.look_at(self.without(order) for _, order in self.best(how, at, holds=True))
+        self.climb(how, at, holds=False)
+
+    def search_with(self, how: Widened, at: int) -> None:
+        """Look for better orders with the observation just below a factor."""
         put_in = [new for _, order in self.best(how, at, holds=False)[:1] for new in self.put_in(order)]
         self.look_at(put_in)
         below = max(at - 1, 0 if how.row is None else 1)
         self.climb(how, below, holds=True)
         valued = [(self.worth(new, how, below), new) for new in put_in if new in self.number]
         if valued:  # it may be worse than a short order begun alike, which no change leads on from
-            self._climb(how, below, *max(valued))
-        self.look_at(self.without(order) for _, order in self.best(how, at, holds=True))
-        self.climb(how, at, holds=False)
+            self._climb(how, below, [max(valued)])

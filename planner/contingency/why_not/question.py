@@ -7,13 +7,14 @@ import math
 from collections.abc import Iterable
 from functools import cached_property
 
+from planner.constraints.registry import columns_of
 from planner.contingency.order_in_futures import MOST_ENUMERATED, Order
 from planner.contingency.seeding import route_plan
-from planner.contingency.why_not.limits import VOLUME, widened
+from planner.contingency.why_not.limits import VOLUME, WINDOW, widened
 from planner.contingency.why_not.order_value import OrderValues
 from planner.contingency.why_not.orders_by_budget import OrdersByBudget, Widened
 from planner.contingency.why_not.tabled_futures import TabledFutures
-from planner.evaluate.model import Model
+from planner.evaluate.model import Floats, Model
 from planner.evaluate.program import compile_plan
 from planner.evaluate.propagate import run_in
 from planner.plan_tree import Plan
@@ -61,6 +62,7 @@ class Question:
         self.problem, self.what, self.begin = problem, what, tuple(begin)
         self.model = Model.of(problem)
         self.asked = self.model.number_of[what.id]
+        self._windows: dict[int, Floats] = {}
 
     @cached_property
     def orders(self) -> OrdersByBudget:
@@ -81,10 +83,20 @@ class Question:
         """The best of them, in more and other futures."""
         return self._orders(COMPARED, 1, doubt=DOUBT)
 
+    def windows(self, at: int) -> Floats:
+        """Return the windows of all observations, [m, 2], with that of the one in question made as many times
+        as long as factor number `at` says.
+        """
+        found = self._windows.get(at)
+        if found is None:
+            wide = widened(self.problem, self.what, (WINDOW,), float(self.orders.factors[at]))
+            found = self._windows[at] = columns_of(wide)[1].window
+        return found
+
     def _orders(
         self, count: int, seed: int, nested: tuple[int, ...] = (), doubt: float = 1.0
     ) -> OrdersByBudget:
-        model = Model.of(widened(self.problem, self.what, (VOLUME,), WIDEST))
+        model = self.model.with_limits_of(widened(self.problem, self.what, (VOLUME,), WIDEST))
         futures = TabledFutures.of(model, count, seed=seed, nested=nested)
         return OrdersByBudget(model, self.asked, WIDEST, futures, doubt=doubt)
 

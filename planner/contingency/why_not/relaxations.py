@@ -22,7 +22,7 @@ from planner.contingency.why_not.order_lanes import BOTH, ENERGY, TIME
 from planner.contingency.why_not.order_value import OrderValues
 from planner.contingency.why_not.orders_by_budget import AHEAD, Widened
 from planner.contingency.why_not.question import Question
-from planner.evaluate.model import Floats, Ints, Model
+from planner.evaluate.model import Floats, Ints
 from planner.plan_tree import Plan
 
 PUT_RIGHT, TRUSTED = 14, 3
@@ -38,6 +38,9 @@ targets change by as much at most.
 
 FURTHER = 2
 """Numbers of factors, half a per cent, by which one is tried that is larger."""
+
+ROOMS = 16
+"""How many times as much smaller than the least known the third factor is at most."""
 
 CLOSE, ALL_BUT_EVEN = 3, 4
 """Numbers of factors to which the least is told: three quarters of the 1 % that is asked, and 1 % where a
@@ -140,10 +143,24 @@ def _next(leads: Mapping[int, float], told: int | None, room: int) -> int | None
     behind = max((at for at in leads if at < ahead), default=0)
     if ahead - behind <= room:
         return None
+    line = _where_a_line_ends(leads, ahead) if not behind else None
+    if line is not None:
+        return max(min(line, ahead - room), ahead - ROOMS * room, 1)
     if told is not None and behind < told < ahead - room and len(leads) < TRUSTED:
         return told
     won = sum(lead > 0.0 for lead in leads.values())
     return max((behind + ahead) // 2, ahead - room * 4 ** (won - 1))
+
+
+def _where_a_line_ends(leads: Mapping[int, float], ahead: int) -> int | None:
+    """Return where a straight line through the only two leads known, both positive, comes to nothing; None
+    where there are others or it does not.
+    """
+    if len(leads) != 2:
+        return None
+    (further,) = (at for at in leads if at != ahead)
+    slope = (leads[further] - leads[ahead]) / (further - ahead)
+    return math.floor(ahead - leads[ahead] / slope) if slope > 0.0 else None
 
 
 def _valued(
@@ -161,7 +178,7 @@ def _valued(
     added to.
     """
     factor = math.ceil(1e3 * question.orders.factors[at]) / 1e3
-    model = Model.of(widened(question.problem, question.what, kinds, factor))
+    model = question.model.with_limits_of(widened(question.problem, question.what, kinds, factor))
     values = OrderValues(model, quick=True)
     with_it, without = ([o for o in side if _may_lead(behind.get(o, {}), at)] for side in contest.pair(at))
     with_it = [o for o in with_it if not contest.seldom(o, at, values)]
