@@ -28,6 +28,11 @@ PARTS = 4
 LIKELIEST = 4
 """Orders kept whose worth in a window is told by more futures: a run there takes four times as long."""
 
+ROUGHLY = 3
+"""Numbers of factors, three quarters of a per cent, to which futures tell a factor in windows: a factor is
+sought anew, and told, within as many.
+"""
+
 AT_A_TIME = 4
 """Orders whose worth in a window is told at once, those first that may be worth the most."""
 
@@ -165,13 +170,14 @@ class WindowContest:
         return at
 
     def _bisected(self, off: Floats, *, closer: bool, near: int) -> int | None:
-        """Return the least factor at which the orders kept are ahead; sought from `near` on.
+        """Return the least factor at which the orders kept are ahead, or one less than `ROUGHLY` larger;
+        sought from `near` on.
 
         Between two factors whose leads are known the next is where a straight line between these says.
         """
         step, low, high = 1, 0, self.last + 1
         leads: dict[int, float] = {}
-        while high - low > 1:
+        while high - low > (1 if high > self.last else ROUGHLY):
             lead = leads[near] = self._lead(near, closer=closer) + off[near]
             if lead > 0.0:
                 high = near

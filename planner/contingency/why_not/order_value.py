@@ -31,6 +31,11 @@ HARDLY, FAINT = 1e-8, 1e-18
 weights are too small to be held as usual, and take ten times as long.
 """
 
+SELDOM = 1e-8
+"""Chance at either end of the nodes that a state is met at below which they are left out where numbers are
+short: of a few hundred states a millionth in all.
+"""
+
 COLUMNS = 8
 """Columns are a multiple of so many, as many as a processor takes at once: the rest would take as long as all
 the others. Those past the last node are worth nothing.
@@ -57,16 +62,8 @@ SAME_ENDS = 1e-5
 what hardly any day comes to.
 """
 
-HALF, QUARTER = 0.5, 0.25
-"""Share of what the quick grids may be off that is left after the extrapolation, of a value and of what two
-orders of one side are apart: of 128 pairs of those (from the days of seeds 515253, 616263 and 388904330) 93
-of 100 are off by less than the latter.
-"""
-
-COARSELY = 0.015
-"""Share of the best value behind which, on the smallest grid, no order is the best: it was on one of 358
-choices (of the same days), by less than what is told apart on the others.
-"""
+HALF = 0.5
+"""Share of what the quick grids may be off that is left after the extrapolation."""
 
 SHORT, LONG = np.empty(0, np.float32), np.empty(0, np.float64)
 """Types of the numbers on grids. A processor takes twice as many of the former at once; they are for the
@@ -88,7 +85,6 @@ class OrderValues:
         self._ways = ways_of(model)
         self._known: dict[Order, float] = {}
         self._roughly: dict[Order, tuple[float, float]] = {}
-        self._coarsely: dict[Order, float] = {}
         self._fine: dict[Order, float] = {}
         self._grids = QUICK if quick else (COARSE, FINE)
         self._kinds: Kinds = [
@@ -114,28 +110,13 @@ class OrderValues:
         """Return the best of orders. Larger grids are asked of those only that may be, as far as the smaller
         ones are off, and not where these leave one alone.
         """
-        rough = {order: self._rough(order) for order in self._near_on_coarse(list(orders))}
+        rough = {order: self._rough(order) for order in orders}
         ranked = sorted(rough, key=lambda order: -rough[order][0])
         best = ranked[0]
         for order in ranked[1:]:
             if self._may_be_better(rough[order], rough[best]) and self[order] > self[best]:
                 best = order
         return best
-
-    def _near_on_coarse(self, orders: list[Order]) -> list[Order]:
-        """Return the orders that may be the best, as the smallest grid tells them."""
-        if not self.quick or len(orders) < 2:
-            return orders
-        first = {order: self._coarse(order) for order in orders}
-        best = max(first.values())
-        return [order for order in orders if first[order] >= best - COARSELY * abs(best)]
-
-    def _coarse(self, order: Order) -> float:
-        """Return the value on the first grid."""
-        known = self._coarsely.get(order)
-        if known is None:
-            known = self._coarsely[order] = self._on(self._grids[0], order, self._kinds)
-        return known
 
     @staticmethod
     def _may_be_better(one: tuple[float, float], other: tuple[float, float]) -> bool:
@@ -146,12 +127,12 @@ class OrderValues:
         apart = abs((one[0] - one[1]) - (other[0] - other[1]))
         if apart <= SAME_ENDS * abs(other[0]) and abs(one[0] - other[0]) <= SAME_ENDS * abs(other[0]):
             return one[0] > other[0]
-        return one[0] + max(apart, QUARTER * abs(one[0] - one[1])) >= other[0]
+        return one[0] + max(apart, HALF * abs(one[0] - one[1])) >= other[0]
 
     def off(self, order: Order) -> float:
         """Return by how much the smaller grids may be off for an order; 0 where larger ones were asked."""
         value, fine = self._rough(order)
-        return 0.0 if order in self._known else HALF * abs(value - fine)
+        return 0.0 if order in self._known else abs(value - fine)
 
     def roughly(self, order: Order) -> float:
         """Return the value as smaller grids tell it, where larger ones were not asked."""
@@ -159,12 +140,10 @@ class OrderValues:
 
     def behind(self, order: Order, best: Order) -> float:
         """Return by what share of its value an order is behind a better one, as far as grids tell."""
-        scale = max(abs(self.roughly(best)), 1e-9)
-        if order not in self._roughly:
-            return (self._coarse(best) - self._coarse(order)) / scale - COARSELY
-        return (self.roughly(best) - self.roughly(order) - max(self.off(order), self.off(best))) / scale
+        one, other = self.roughly(order), self.roughly(best)
+        return (other - one - HALF * max(self.off(order), self.off(best))) / max(abs(other), 1e-9)
 
-    def chance(self, order: Order, asked: int, least: float) -> float:
+    def chance(self, order: Order, asked: int, least: float | None = None) -> float:
         """Return the chance that an order makes an observation; where smaller grids tell whether it is more
         than `least`, as these do.
         """
@@ -175,7 +154,7 @@ class OrderValues:
         ]
         coarse, fine = (self._on(nodes, order, kinds) for nodes in self._grids)
         value = _towards(self._grids, coarse, fine)
-        if abs(value - least) > abs(value - fine):
+        if least is not None and abs(value - least) > abs(value - fine):
             return value
         return self._settled(order, kinds, value, fine)
 
@@ -183,8 +162,8 @@ class OrderValues:
         """Return the value as the first two grids tell it, and as the finer of them alone does."""
         known = self._roughly.get(order)
         if known is None:
-            fine = self._on(self._grids[1], order, self._kinds)
-            known = self._roughly[order] = _towards(self._grids, self._coarse(order), fine), fine
+            coarse, fine = (self._on(nodes, order, self._kinds) for nodes in self._grids)
+            known = self._roughly[order] = _towards(self._grids, coarse, fine), fine
         return known
 
     def _settled(self, order: Order, kinds: Kinds, value: float, fine: float) -> float:
@@ -243,13 +222,14 @@ def _weights(
 
 
 class Kernels(NamedTuple):
-    """Weights of the amounts of actions, and from which nodes on the states of a plan may be met.
+    """Weights of the amounts of actions, and the nodes at which the states of a plan are met.
 
     Rows of `along_t` [rows, nt] and `along_g` [rows, ng + 4] are the weights of an action; of row k those
     from `span_t[k, 0]` or `span_g[k, 0]` up to `span_t[k, 1]` or `span_g[k, 1]` count. `uses` [states, 2] are
-    the rows of the action of a state, and `reach` [states, 2] the least nodes of time and energy at which the
-    state may be met; those of energy are multiples of `COLUMNS`. `early` [steps] are how many nodes lie
-    before the window opens, and `at_opening` [steps, nt] the weights of an observation that begins then.
+    the rows of the action of a state. `met` [states, 4] are the first node of time at which a state is met
+    and the one past the last, and likewise of energy, multiples of `COLUMNS`. `early` [steps] are how many
+    nodes lie before the window opens, `at_opening` [steps, nt] the weights of an observation that begins
+    then, and `opening` [steps, 2] which of these count.
     """
 
     along_t: Floats
@@ -257,42 +237,70 @@ class Kernels(NamedTuple):
     span_t: Ints
     span_g: Ints
     uses: Ints
-    reach: Ints
+    met: Ints
     early: Ints
     at_opening: Floats
+    opening: Ints
+
+
+@njit(cache=True, nogil=True)
+def _bulk(chances: Floats, seldom: float) -> tuple[int, int]:
+    """Return the first of the nodes that have these chances and the one past the last, without as many at
+    either end as have the chance `seldom` together at most.
+    """
+    first, past, left_out = 0, chances.shape[0], 0.0
+    while first < past and left_out + chances[first] <= seldom:
+        left_out += chances[first]
+        first += 1
+    left_out = 0.0
+    while past > first and left_out + chances[past - 1] <= seldom:
+        left_out += chances[past - 1]
+        past -= 1
+    return first, past
+
+
+@njit(cache=True, nogil=True)
+def _share_open(r: int, step_t: float, closes_s: float) -> float:
+    """Return the share of the cell of a node of time in which a window is not over yet."""
+    return 1.0 - min(max((r * step_t - closes_s) / step_t + 0.5, 0.0), 1.0)
+
+
+@njit(cache=True, nogil=True)
+def _spread(chances: Floats, first: int, past: int, along: Floats, span: Ints, out: Floats) -> None:
+    """Add to `out` [nodes] the chances of nodes `first` to `past` after an action with these weights."""
+    for r in range(first, past):
+        chance, after = chances[r], out[r:]
+        if chance > 0.0:
+            for d in range(span[0], min(span[1], after.shape[0])):
+                after[d] += chance * along[d]
 
 
 @njit(cache=True, nogil=True)
 def _kernels(
     plan: Layers, steps: Ints, costs: Costs, world: World, windows: Floats, nt: int, ng: int, at: Floats,
-    least: float,
+    least: float, seldom: float,
 ) -> Kernels:  # fmt: skip
     """Return the weights on a grid of a plan of such steps [steps, 2] that begins at node `at` [2].
 
-    Weights below `least` are left out.
+    Weights below `least` are left out, and nodes as `_meet` does.
     """
     length, n1, most = steps.shape[0], world.n + 1, steps.shape[0] * (world.n + 1)
     step_t, step_g = costs.t_max / (nt - 1), costs.e_max / (ng - 1)
     along_t, span_t = np.zeros((4 * length, nt)), np.zeros((4 * length, 2), np.int64)
     along_g, span_g = np.zeros((most, ng + 4)), np.zeros((most, 2), np.int64)
-    count = plan.first[length + 1]
-    uses, reach = np.zeros((count, 2), np.int64), np.empty((count, 2), np.int64)
-    reach[:, 0], reach[:, 1] = nt, ng // COLUMNS * COLUMNS
-    reach[0, 0], reach[0, 1] = min(int(at[0]), nt - 2), min(int(at[1]), ng - 2) // COLUMNS * COLUMNS
+    uses = np.zeros((plan.first[length], 2), np.int64)
     early, at_opening = np.zeros(length, np.int64), np.zeros((length, nt))
+    opening = np.zeros((length, 2), np.int64)
     rows_t, rows_g = 0, 0
     for k in range(length):
         known_t, known_g = np.full(n1 * n1, -1), np.full(n1, -1)
-        observes, i, opening = steps[k, 0] == OBSERVE, steps[k, 1], 0
+        observes, i = steps[k, 0] == OBSERVE, steps[k, 1]
         if observes and windows[i, 0] > 0.0:
             early[k] = min(nt, math.ceil(windows[i, 0] / step_t))
             ln = world.obs_ln[i]
-            opening = _weights(at_opening[k], nt, -windows[i, 0], step_t, ln[0], ln[1], least)[0]
+            opening[k] = _weights(at_opening[k], nt, -windows[i, 0], step_t, ln[0], ln[1], least)
         for s in range(plan.first[k], plan.first[k + 1]):
-            r, c, link = reach[s, 0], reach[s, 1], plan.out[s]
             if plan.what[s] == PASSES:
-                after = plan.to[link]
-                reach[after, 0], reach[after, 1] = min(reach[after, 0], r), min(reach[after, 1], c)
                 continue
             place, tracks = 0, 0
             if not observes:
@@ -314,74 +322,126 @@ def _kernels(
                 known_g[place] = rows_g
                 rows_g += 1
             uses[s, 0], uses[s, 1] = known_t[place * n1 + tracks], known_g[place]
-            then_r = max(r, early[k]) + span_t[uses[s, 0], 0]
-            if r < early[k]:
-                then_r = min(then_r, opening)
-            then_c = (c + span_g[uses[s, 1], 0]) // COLUMNS * COLUMNS
-            last = link + 1 if observes else plan.out[s + 1]
-            for way in range(link, last):
-                after = plan.to[way]
-                reach[after, 0] = min(reach[after, 0], then_r)
-                reach[after, 1] = min(reach[after, 1], then_c)
-            if observes and windows[i, 1] < costs.t_max:
+    met = np.zeros((plan.first[length + 1], 4), np.int64)
+    kernels = Kernels(along_t, along_g, span_t, span_g, uses, met, early, at_opening, opening)
+    _meet(kernels, plan, steps, windows, costs.t_max, ng, at, seldom)
+    return kernels
+
+
+@njit(cache=True, nogil=True)
+def _meet(
+    kernels: Kernels, plan: Layers, steps: Ints, windows: Floats, t_max: float, ng: int, at: Floats,
+    seldom: float,
+) -> None:  # fmt: skip
+    """Write at which nodes the states of a plan are met that begins at node `at` [2], without those at either
+    end that have the chance `seldom` together at most.
+
+    The chances of nodes of time and of energy are carried on from the start, each without regard to the other
+    and to the budgets, so that they are no smaller than the truth. A value at a node counts by its chance in
+    the whole: what is left out changes that by no more than its chances times what a day may earn.
+    """
+    length, nt, met = steps.shape[0], kernels.along_t.shape[1], kernels.met
+    met[plan.first[length] :, 1], met[plan.first[length] :, 3] = nt, -(-ng // COLUMNS) * COLUMNS
+    by_t, by_g = np.zeros((met.shape[0], nt)), np.zeros((met.shape[0], ng))
+    then_t, then_g = np.empty(nt), np.empty(ng)
+    row_0, column_0 = min(int(at[0]), nt - 2), min(int(at[1]), ng - 2)
+    by_t[0, row_0], by_t[0, row_0 + 1] = 1.0 - (at[0] - row_0), at[0] - row_0
+    by_g[0, column_0], by_g[0, column_0 + 1] = 1.0 - (at[1] - column_0), at[1] - column_0
+    for k in range(length):
+        i, early, opening = steps[k, 1], kernels.early[k], kernels.opening[k]
+        shuts = steps[k, 0] == OBSERVE and windows[i, 1] < t_max
+        for s in range(plan.first[k], plan.first[k + 1]):
+            link = plan.out[s]
+            first, past = (row_0, row_0 + 2) if s == 0 else _bulk(by_t[s], seldom)
+            left, right = (column_0, column_0 + 2) if s == 0 else _bulk(by_g[s], seldom)
+            if first >= past or left >= right:
+                continue
+            met[s] = first, past, left // COLUMNS * COLUMNS, -(-right // COLUMNS) * COLUMNS
+            if plan.what[s] == PASSES:
+                _add(by_t[s], first, 1.0, by_t[plan.to[link]])
+                _add(by_g[s], left, 1.0, by_g[plan.to[link]])
+                continue
+            if plan.what[s] == OBSERVES and shuts:  # what is too late goes on as it is
                 after = plan.to[link + 1]
-                shut_r = max(r, int(max(windows[i, 1] / step_t - 0.5, 0.0)))
-                reach[after, 0], reach[after, 1] = min(reach[after, 0], shut_r), min(reach[after, 1], c)
-    return Kernels(along_t, along_g, span_t, span_g, uses, reach, early, at_opening)
+                _add(by_g[s], left, 1.0, by_g[after])
+                for r in range(first, past):
+                    share = _share_open(r, t_max / (nt - 1), windows[i, 1])
+                    by_t[after, r] += (1.0 - share) * by_t[s, r]
+                    by_t[s, r] *= share
+            then_t[first:], then_g[left:] = 0.0, 0.0
+            if first < early:
+                _add(kernels.at_opening[k], opening[0], by_t[s, first : min(past, early)].sum(), then_t)
+            row_t, row_g = kernels.uses[s]
+            _spread(by_t[s], max(first, early), past, kernels.along_t[row_t], kernels.span_t[row_t], then_t)
+            _spread(by_g[s], left, right, kernels.along_g[row_g], kernels.span_g[row_g], then_g)
+            for way in range(link, link + 1 if plan.what[s] == OBSERVES else plan.out[s + 1]):
+                _add(then_t, first, plan.odds[way], by_t[plan.to[way]])
+                _add(then_g, left, plan.odds[way], by_g[plan.to[way]])
+
+
+@njit(cache=True, nogil=True)
+def _add(chances: Floats, first: int, share: float, out: Floats) -> None:
+    """Add a share of the chances of nodes [nodes] from the first on to those of `out`."""
+    for r in range(first, chances.shape[0]):
+        out[r] += share * chances[r]
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def _correlate(
     gain: Floats, ends: Ints, along_t: Floats, along_g: Floats, spans: tuple[int, int, int, int], early: int,
-    at_opening: Floats, between: Floats, value: Floats, first: int, left: int,
+    at_opening: Floats, opening: Ints, between: Floats, value: Floats, met: Ints,
 ) -> None:  # fmt: skip
     """Write the mean of `gain` [nt, width] after an action whose amounts have these weights, those of time
-    from the first to the second of `spans` and those of energy from the third to the last, into rows `first`
-    on of `value`, from column `left` on, a multiple of `COLUMNS`.
+    from the first to the second of `spans` and those of energy from the third to the last, into the rows and
+    columns of `value` that `met` [4] says.
 
-    Rows before `early` wait, and all begin with the weights `at_opening` of the nodes. Rows of `gain` are
-    zero from `ends` [nt] on, multiples of `COLUMNS` that do not rise, and so are columns of `between`
-    [nt, 2 * width + 4] past the width. Four weights at a time halve the time.
+    Rows before `early` wait, and all begin with the weights `at_opening` of the nodes, of which those that
+    `opening` [2] says count. Rows of `gain` are zero from `ends` [nt] on, multiples of `COLUMNS` that do not
+    rise, and so are columns of `between` [nt, 2 * width + 4] past the width. Four weights at a time halve the
+    time.
     """
     nt, width = gain.shape
+    first, past, left, right = met
     begin_t, end_t, begin_g, end_g = spans
     begin = (left + begin_g) // COLUMNS * COLUMNS  # columns before are not met after the action
-    for r in range(max(first, min(early, nt - 1)), nt):
+    stop = min(width, (right + end_g + 4 + COLUMNS - 1) // COLUMNS * COLUMNS)  # nor are those from here on
+    for r in range(max(first, early), past):
         row = between[r, begin:]
-        for c in range(width - begin):
+        for c in range(stop - begin):
             row[c] = 0.0
         end, d = min(end_t, nt - r), begin_t
         while d + 4 <= end:
             one, two, three, four = along_t[d], along_t[d + 1], along_t[d + 2], along_t[d + 3]
             g1, g2 = gain[r + d, begin:], gain[r + d + 1, begin:]
             g3, g4 = gain[r + d + 2, begin:], gain[r + d + 3, begin:]
-            for c in range(ends[r + d] - begin):
+            for c in range(min(ends[r + d], stop) - begin):
                 row[c] += one * g1[c] + two * g2[c] + three * g3[c] + four * g4[c]
             d += 4
         for rest in range(d, end):
             one, g1 = along_t[rest], gain[r + rest, begin:]
-            for c in range(ends[r + rest] - begin):
+            for c in range(min(ends[r + rest], stop) - begin):
                 row[c] += one * g1[c]
     if first < early:
         row = between[first, begin:]
-        for c in range(width - begin):
+        for c in range(stop - begin):
             row[c] = 0.0
-        for j in range(nt):
+        for j in range(opening[0], opening[1]):
             one, g1 = at_opening[j], gain[j, begin:]
             if one > 0.0:
-                for c in range(ends[j] - begin):
+                for c in range(min(ends[j], stop) - begin):
                     row[c] += one * g1[c]
-    for r in range(first, nt):
+    for r in range(first, past):
         row, out = between[r, left:], value[r, left:]
         if first < r < early:
-            out[:] = value[first, left:]
+            for c in range(right - left):
+                out[c] = value[first, left + c]
             continue
-        for c in range(width - left):
+        for c in range(right - left):
             out[c] = 0.0
         for d in range(begin_g, min(end_g, ends[r]), 4):  # weights past the last node are zero
             one, two, three, four = along_g[d], along_g[d + 1], along_g[d + 2], along_g[d + 3]
             g1, g2, g3, g4 = row[d:], row[d + 1 :], row[d + 2 :], row[d + 3 :]
-            for c in range((ends[r] - d + COLUMNS - 1) // COLUMNS * COLUMNS - left):
+            for c in range(min((ends[r] - d + COLUMNS - 1) // COLUMNS * COLUMNS, right) - left):
                 out[c] += one * g1[c] + two * g2[c] + three * g3[c] + four * g4[c]
 
 
@@ -431,8 +491,8 @@ def value_on(
     step_t, step_g, penalty = costs.t_max / (nt - 1), costs.e_max / (ng - 1), costs.penalty
     x, y = t / step_t, g / step_g
     short = like.itemsize == SHORT_BYTES
-    least, faint = (HARDLY, FAINT) if short else (NOTHING, 0.0)
-    kernels = _kernels(plan, steps, costs, world, windows, nt, ng, np.array([x, y]), least)
+    least, faint, seldom = (HARDLY, FAINT, SELDOM) if short else (NOTHING, 0.0, 0.0)
+    kernels = _kernels(plan, steps, costs, world, windows, nt, ng, np.array([x, y]), least, seldom)
     along_t, along_g = kernels.along_t.astype(like.dtype), kernels.along_g.astype(like.dtype)
     at_opening, odds = kernels.at_opening.astype(like.dtype), plan.odds.astype(like.dtype)
     width = -(-ng // COLUMNS) * COLUMNS
@@ -450,7 +510,7 @@ def value_on(
     room = np.empty((2, widest, nt, width), like.dtype)
     some = np.zeros(4, like.dtype)  # numbers of its type
     some[1], some[2] = penalty, faint
-    faintest = some[2]
+    faintest, nothing = some[2], some[3]
     later = room[length % 2]
     later[: plan.first[length + 1] - plan.first[length]] = 0.0
     for k in range(length - 1, -1, -1):
@@ -459,9 +519,17 @@ def value_on(
         i, early = steps[k, 1], kernels.early[k]
         for s in range(begin, next_one):
             value, link = values[s - begin], plan.out[s]
-            first, left = kernels.reach[s]
+            first, past, left, right = kernels.met[s]
+            if first >= past:
+                continue
             if plan.what[s] == PASSES:
-                value[first:, left:] = later[plan.to[link] - next_one, first:, left:]
+                when, after = kernels.met[plan.to[link]], later[plan.to[link] - next_one]
+                for r in range(first, past):
+                    for c in range(left, right):
+                        value[r, c] = nothing
+                    if when[0] <= r < when[1]:
+                        for c in range(max(left, when[2]), min(right, when[3])):
+                            value[r, c] = after[r, c]
                 continue
             won, last = penalty, plan.out[s + 1]
             if plan.what[s] == OBSERVES:
@@ -474,41 +542,54 @@ def value_on(
                         before &= before - 1
                 won += much
             row_t, row_g = kernels.uses[s]
-            begin_g = (left + kernels.span_g[row_g, 0]) // COLUMNS * COLUMNS
-            some[0] = won
-            for r in range(first + (kernels.span_t[row_t, 0] if early == 0 else 0), nt):
-                row, within, count = gain[r, begin_g:], alive[r, begin_g:], ends[r] - begin_g
-                row[:count] = some[0]
-                for at in range(link, last):
-                    odd, after = odds[at], later[plan.to[at] - next_one, r, begin_g:]
-                    for c in range(count):
-                        row[c] += odd * after[c]
-                for c in range(count):
-                    much_here = row[c] * within[c]
-                    row[c] = much_here if abs(much_here) > faintest else 0.0
             spans = (
                 kernels.span_t[row_t, 0], kernels.span_t[row_t, 1],
                 kernels.span_g[row_g, 0], kernels.span_g[row_g, 1],
             )  # fmt: skip
+            from_row, to_row = (
+                (nt, 0) if past <= early else (max(first, early) + spans[0], past - 1 + spans[1])
+            )
+            if first < early:
+                from_row = min(from_row, kernels.opening[k, 0])
+                to_row = max(to_row, kernels.opening[k, 1])
+            from_c = (left + spans[2]) // COLUMNS * COLUMNS
+            to_c = (right + spans[3] + 4 + COLUMNS - 1) // COLUMNS * COLUMNS
+            some[0] = won
+            for r in range(from_row, min(to_row, nt)):
+                row, within, count = gain[r, from_c:], alive[r, from_c:], min(ends[r], to_c) - from_c
+                for c in range(count):
+                    row[c] = some[0]
+                for at in range(link, last):
+                    when = kernels.met[plan.to[at]]
+                    if r < when[0] or r >= when[1]:
+                        continue
+                    odd, skip = odds[at], max(when[2] - from_c, 0)
+                    after, some_of_it = later[plan.to[at] - next_one, r, from_c + skip :], row[skip:]
+                    for c in range(min(count, when[3] - from_c) - skip):
+                        some_of_it[c] += odd * after[c]
+                for c in range(count):
+                    much_here = row[c] * within[c]
+                    row[c] = much_here if abs(much_here) > faintest else 0.0
             _correlate(
-                gain, ends, along_t[row_t], along_g[row_g], spans, early, at_opening[k], between, value,
-                first, left,
+                gain, ends, along_t[row_t], along_g[row_g], spans, early, at_opening[k], kernels.opening[k],
+                between, value, kernels.met[s],
             )  # fmt: skip
             shut = plan.what[s] == OBSERVES and windows[i, 1] < costs.t_max
             if not shut and penalty == 0.0:
                 continue
-            for r in range(first, nt):
-                share = 1.0
-                if shut:
-                    share -= min(max((r * step_t - windows[i, 1]) / step_t + 0.5, 0.0), 1.0)
+            for r in range(first, past):
+                share = _share_open(r, step_t, windows[i, 1]) if shut else 1.0
                 some[2], some[3] = share, 1.0 - share
                 open_, closed, off, row = some[2], some[3], some[1], value[r, left:]
-                for c in range(width - left):
+                for c in range(right - left):
                     row[c] = open_ * (row[c] - off)
                 if share < 1.0:
-                    after = later[plan.to[link + 1] - next_one, r, left:]
-                    for c in range(width - left):
-                        row[c] += closed * after[c]
+                    when = kernels.met[plan.to[link + 1]]
+                    if r < when[0] or r >= when[1]:
+                        continue
+                    after = later[plan.to[link + 1] - next_one, r]
+                    for c in range(max(left, when[2]), min(right, when[3])):
+                        row[c - left] += closed * after[c]
         later = values
     r, c = min(int(x), nt - 2), min(int(y), ng - 2)
     fx, fy = x - r, y - c

@@ -390,7 +390,9 @@ class OrdersByBudget:
         row, column = self._told_by(how, at)
         most = (self.factors[at] if how.volume else 1.0) * (1.0 + 1e-9)
         taken: set[bytes] = set()
-        parts, sizes, rivals = [], [], []
+        parts: list[Ints] = []
+        sizes: list[Ints] = []
+        rivals: list[int] = []
         for here in heres:
             near = self._near(here)
             rows = [k for k, name in enumerate(near.names) if name not in self._named and name not in taken]
@@ -398,11 +400,13 @@ class OrdersByBudget:
                 rows = [k for k in rows if near.needs[k] <= most]
             if rows:
                 taken.update(near.names[k] for k in rows)
-                rivals.append(sum(map(len, parts)))
+                rivals.append(sum(len(part) for part in parts))
                 parts += [np.array([(*here, 0)]), near.table[rows]]
                 sizes += [np.array([len(here)]), near.sizes[rows]]
         if parts:
-            table = np.zeros((sum(map(len, parts)), max(part.shape[1] for part in parts)), np.int64)
+            table = np.zeros(
+                (sum(len(part) for part in parts), max(part.shape[1] for part in parts)), np.int64
+            )
             begin = 0
             for part in parts:
                 table[begin : begin + len(part), : part.shape[1]] = part

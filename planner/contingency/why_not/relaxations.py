@@ -180,7 +180,7 @@ def _valued(
     factor = math.ceil(1e3 * question.orders.factors[at]) / 1e3
     model = question.model.with_limits_of(widened(question.problem, question.what, kinds, factor))
     values = OrderValues(model, quick=True)
-    with_it, without = ([o for o in side if _may_lead(behind.get(o, {}), at)] for side in contest.pair(at))
+    with_it, without = (_that_may_lead(side, behind, at) for side in contest.pair(at))
     with_it = [o for o in with_it if not contest.seldom(o, at, values)]
     if not with_it:
         return None
@@ -191,6 +191,11 @@ def _valued(
         for order in side:
             behind.setdefault(order, {})[at] = values.behind(order, one)
     return lead, AHEAD * abs(values.roughly(best)), _Found(factor, best, values)
+
+
+def _that_may_lead(side: list[Order], behind: Mapping[Order, Mapping[int, float]], at: int) -> list[Order]:
+    """Return the orders of a side that may be its best; all where leads changed faster than thought."""
+    return [order for order in side if _may_lead(behind.get(order, {}), at)] or side
 
 
 def _may_lead(behind: Mapping[int, float], at: int) -> bool:
