@@ -74,9 +74,10 @@ def compare_plans(
 
     With `other`, B is run on that problem instead (a what-if of the same shape).
     """
-    one = simulate(Model.of(problem), a, futures, seed=seed)
+    model = Model.of(problem)
+    one = simulate(model, a, futures, seed=seed)
     same = other is None and a == b
-    two = one if same else simulate(Model.of(other or problem), b, futures, seed=seed)
+    two = one if same else simulate(model if other is None else Model.of(other), b, futures, seed=seed)
     difference = one.utility - two.utility
     tail = max(1, futures // 20)
     return Comparison(

@@ -12,17 +12,19 @@ from hypothesis import strategies as st
 
 from planner.contingency.order_in_futures import every_change
 from planner.contingency.seeding import route_plan
+from planner.contingency.why_not.contests import LIKELIEST, WindowContest
 from planner.contingency.why_not.limits import OF_ENERGY, OF_TIME, WINDOW, widened
 from planner.contingency.why_not.order_changes import changes_of
 from planner.contingency.why_not.order_lanes import BOTH, ENERGY, TIME
 from planner.contingency.why_not.order_value import OrderValues
-from planner.contingency.why_not.orders_by_budget import OrdersByBudget
+from planner.contingency.why_not.orders_by_budget import OrdersByBudget, Widened
 from planner.contingency.why_not.question import Question
 from planner.contingency.why_not.relaxations import (
     ALL_BUT_EVEN,
     CLOSE,
     PUT_RIGHT,
     _next,
+    _that_may_lead,
     smallest_relaxations,
 )
 from planner.contingency.why_not.tabled_futures import TabledFutures, work_out_drive
@@ -283,3 +285,30 @@ def test_whatever_futures_tell_a_factor_little_smaller_than_the_least_is_valued(
     assert at is None
     least = min(k for k, lead in leads.items() if lead > 0.0)
     assert least - room < true <= least
+
+
+def test_the_third_factor_is_where_a_line_through_two_leads_ends() -> None:
+    """Day 5 of seed 388904330, A7: futures told 181 and then, a quarter at a time, six factors below."""
+    assert _next({194: 0.079, 188: 0.051}, 181, CLOSE) == 177
+    assert _next({194: 0.079, 188: 0.079}, 181, CLOSE) == 181  # a line that does not fall tells nothing
+
+
+def test_orders_that_all_seem_behind_are_all_valued() -> None:
+    behind = {(0, 1): {188: 0.02}, (1, 0): {177: 0.03}, (2,): {181: 0.0001}}
+    assert _that_may_lead([(0, 1), (1, 0)], behind, 182) == [(0, 1), (1, 0)]
+    assert _that_may_lead([(0, 1), (2,)], behind, 182) == [(2,)]
+
+
+def test_orders_that_are_not_run_in_a_window_are_not_the_best_there() -> None:
+    problem = drawn(388_904_330, 4, [8, 8])
+    question, how = Question(problem, problem.observations[6], [()]), Widened(BOTH)
+    contest = WindowContest(question, how)
+    contest.least(np.zeros(len(question.orders.factors)))
+    run = 0
+    for at in range(100, 160, 10):
+        every = question.orders.in_windows(question.windows(at))
+        every.look_at(contest.held)
+        best = sorted(every.worths(list(contest.held), how, at), reverse=True)[:LIKELIEST]
+        assert [worth for worth, _ in contest._ranked(at, LIKELIEST)] == best
+        run += len(contest._window(at, closer=False).number)
+    assert run < 0.7 * 6 * len(contest.held)

@@ -11,6 +11,7 @@ from planner.contingency.order_in_futures import Order
 from planner.contingency.why_not.order_value import OrderValues
 from planner.contingency.why_not.orders_by_budget import (
     AHEAD,
+    FAR_BEHIND,
     IN_WINDOW,
     LEAST_CHANCE,
     OrdersByBudget,
@@ -271,7 +272,8 @@ class WindowContest:
 
     def _likeliest(self, at: int) -> list[Order]:
         """Return those of the orders kept that are best in the window of a factor."""
-        return [order for _, order in self._ranked(at, LIKELIEST)]
+        ranked = self._ranked(at, LIKELIEST)
+        return [order for worth, order in ranked if worth >= ranked[0][0] - FAR_BEHIND * abs(ranked[0][0])]
 
     def lead(self, at: int) -> float:
         """Return the lead in more futures."""

@@ -132,7 +132,7 @@ class OrdersByBudget:
         self._forget()
 
     def _forget(self) -> None:
-        """Know no orders."""
+        """Drop all orders."""
         self.number: dict[Order, int] = {}
         self._named: dict[bytes, int] = {}
         self._climbed: set[tuple[Order, int, int, bool]] = set()
