@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
+import numpy as np
+
 from planner.evaluate.model import Model
 from planner.plan_tree import (
     Branch,
     Comparison,
+    Condition,
     DoneCondition,
     Navigate,
     Observe,
@@ -23,7 +26,7 @@ from planner.plan_tree import (
     Visit,
     planned_observations,
 )
-from planner.problem import Problem, TargetId
+from planner.problem import ObservationId, Problem, TargetId
 
 
 def steps_at(plan: Plan, path: Path) -> Plan:
@@ -200,3 +203,75 @@ def fitted(problem: Problem, plan: Plan) -> Plan:
         return tuple(kept)
 
     return lean(plan)
+
+
+def exchanged(model: Model, plan: Plan, one: TargetId, other: TargetId) -> Plan | None:
+    """Return the plan with two targets in each other's place, in every list and condition; None where they
+    do not offer the same, where no leg leads there, or where the model does not admit it.
+
+    The observations of a target that ask for its track, and those that do not, are matched in their order.
+    """
+    names = _matched(model, one, other)
+    if names is None:
+        return None
+    renamed = _renamed(plan, {one: other, other: one}, names)
+    return renamed if model.admits_plan(renamed) and drivable(model, renamed) else None
+
+
+def _matched(model: Model, one: TargetId, other: TargetId) -> dict[ObservationId, ObservationId] | None:
+    """Return for each observation of two targets that of the other one; None where they offer other ones."""
+    at = [np.flatnonzero(model.obs_place == model.place_of[target]).tolist() for target in (one, other)]
+    kinds = [sorted(own, key=lambda m: (bool(model.is_place[m]), m)) for own in at]
+    alike = [[bool(model.is_place[m]) for m in own] for own in kinds]
+    if alike[0] != alike[1]:
+        return None
+    ids = [[model.observation_ids[m] for m in own] for own in kinds]
+    return dict(zip(ids[0] + ids[1], ids[1] + ids[0], strict=True))
+
+
+def _renamed(
+    plan: Plan, targets: dict[TargetId, TargetId], observations: dict[ObservationId, ObservationId]
+) -> Plan:
+    """Return the plan with other targets and observations for those that are named."""
+
+    def condition(c: Condition) -> Condition:
+        match c:
+            case TrackedCondition():
+                return replace(c, target=targets.get(c.target, c.target))
+            case DoneCondition():
+                return replace(c, observation=observations.get(c.observation, c.observation))
+            case _:
+                return c
+
+    def step(s: Step) -> Step:
+        match s:
+            case Branch():
+                options = (
+                    replace(o, when=tuple(map(condition, o.when)), plan=tuple(map(step, o.plan)))
+                    for o in s.options
+                )
+                return Branch(tuple(options))
+            case Navigate():
+                return replace(s, to=targets.get(s.to, s.to))
+            case Observe() | Visit():
+                name = observations.get(s.observation, s.observation)
+                return replace(s, observation=name, target=targets.get(s.target, s.target))
+            case TrackStart() | TrackStop():
+                return replace(s, target=targets.get(s.target, s.target))
+            case _:
+                return s
+
+    return tuple(map(step, plan))
+
+
+def drivable(model: Model, plan: Plan, place: int = 0) -> bool:
+    """Return whether a leg leads to each stop of a plan from the one before, wherever it goes."""
+    for step in plan:
+        if isinstance(step, Navigate):
+            to = model.place_of[step.to]
+            if to != place and not model.has_leg[place, to]:
+                return False
+            place = to
+        if isinstance(step, Branch) and not all(drivable(model, o.plan, place) for o in step.options):
+            return False
+    return True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from itertools import combinations
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,6 +16,7 @@ from planner.contingency.sampled_branches import Curve, grow_branches
 from planner.contingency.sampled_futures import Growth, Sampler
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import Futures, simulate
+from planner.plan_edits import exchanged
 from planner.plan_tree import Observe, Plan, count_branches
 from planner.problem import ObservationId, TargetId
 from tests.planner.contingency.test_sampled_branches import _many
@@ -198,3 +200,35 @@ def test_long_days_are_raced_from_their_routes_and_varied_ones(monkeypatch: pyte
     assert plan_long(problem, Growth(2, 1)) is not None
     assert begun == routes[:1]
     assert tried == [raced_lines.TRIES, 0]  # under a chance constraint one growth leaves time for the next
+
+
+def test_a_plan_is_grown_again_with_the_target_that_is_worth_more_than_one_of_its_own() -> None:
+    problem = _many(5)
+    model = Model.of(problem)
+    route = long_routes(problem, seed=1)[0].plan
+    exchanges = raced_lines._Exchanges(model, 7, lambda: False)
+
+    def worth(plan: Plan) -> float:
+        return float(simulate(model, plan, 1_024, seed=7).utility.mean())
+
+    changed = (exchanged(model, route, one, other) for one, other in combinations(model.target_ids, 2))
+    poor = next(plan for plan in changed if plan is not None and worth(plan) < worth(route))
+    found = exchanges.best(poor)
+    assert found is not None
+    assert worth(found) >= worth(route)
+    assert exchanges.best(poor) != found
+    assert raced_lines._Exchanges(model, 7, lambda: True).best(poor) is None
+
+
+def test_no_exchange_is_tried_that_is_far_behind() -> None:
+    model = Model.of(_many(2))
+    plan = long_routes(_many(2), seed=1)[0].plan
+    exchanges = raced_lines._Exchanges(model, 7, lambda: False)
+    found = exchanged(model, plan, *model.target_ids)
+    assert found is not None
+    lag = (
+        1.0
+        - simulate(model, found, 1_024, seed=7).utility.mean()
+        / simulate(model, plan, 1_024, seed=7).utility.mean()
+    )
+    assert (exchanges.best(plan) is None) == (lag > raced_lines.FAR_BEHIND)
