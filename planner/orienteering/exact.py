@@ -263,7 +263,7 @@ class ExactSolver:
                     if tally.seconds + self._midday_cost_s() > deadline:
                         break
                     relaxed = self._midday()
-                paid = affordable(Step.WIDE, deadline - tally.seconds) // max(1, len(self._layout.order))
+                paid = affordable(Step.WIDE, deadline - tally.seconds) // _open_to(root)
                 value, found, dropped = self._pass(
                     relaxed, root, max(30, min(width, self._options.labels, paid)), best, deadline, budget
                 )
@@ -321,6 +321,7 @@ class ExactSolver:
         The value is the incumbent and the route empty when nothing better is found; the dropped bound is -1
         when every label was looked at.
         """
+        open_to = _open_to(root)
         sets = np.zeros((1, self._layout.words), dtype=np.uint64)
         for x in np.nonzero(root.done)[0].tolist():
             sets[0, x >> 6] |= np.uint64(1) << np.uint64(x & 63)
@@ -351,7 +352,7 @@ class ExactSolver:
                     max(dropped, int(level.bound.max()) // relaxed.scale),
                 )
             self.iterations += fresh.count
-            spend(Step.WIDE, level.count * len(self._layout.order))
+            spend(Step.WIDE, level.count * open_to)  # what was made already is passed over at once
             if at >= 0:
                 best, best_level, best_at = best_now, len(trail), at
             alive = np.nonzero(fresh.bound // relaxed.scale > best)[0]
@@ -432,6 +433,11 @@ class ExactSolver:
         if made < 0:
             return None, what, parent, incumbent, -1
         return fresh.taken(slice(0, made)), what[:made], parent[:made], int(best), int(at)
+
+
+def _open_to(root: Root) -> int:
+    """Return how many experiments a label may be made longer by, at least 1."""
+    return max(1, int(np.count_nonzero(root.done + root.late == 0)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -17,6 +17,7 @@ from planner.orienteering.cp_sat import solve_cp_sat
 from planner.orienteering.engines import ENGINES, Effort, RoutingEngine, engine_named
 from planner.orienteering.exact import ExactOptions, ExactSolver
 from planner.orienteering.survey import is_survey, solve_survey
+from planner.tally import Step
 from tests.planner.orienteering.brute_force import optimum
 from tests.planner.orienteering.strategies import problems
 
@@ -40,6 +41,33 @@ def test_a_site_without_a_road_to_the_end_is_left_by_way_of_another() -> None:
     problem = RoutingProblem(roads, roads * 0 + 1, wanted, 20, end_site=1)
     solution = ExactSolver(problem, SMALL).solve()
     assert (solution.value, solution.proven, solution.route) == (0, True, (0, 1))  # was "proven impossible"
+
+
+@pytest.mark.parametrize("done", [0, 12])
+def test_experiments_that_are_done_take_no_work_of_the_search(
+    monkeypatch: pytest.MonkeyPatch, done: int
+) -> None:
+    rng = np.random.default_rng(5)
+    roads = rng.integers(20, 90, (17, 17))
+    wanted = tuple(Experiment(f"E{k}", k + 1, int(rng.integers(5, 20)), 10, 10) for k in range(16))
+    problem = RoutingProblem(roads, roads, wanted, 250, energy_budget=250, done=frozenset(range(done)))
+    counted: list[float] = []
+    looked_at: list[int] = []
+    expand = exact.expand
+
+    def seen(labels: int, *more: object) -> object:
+        looked_at.append(labels)
+        return expand(labels, *more)
+
+    def spent(step: Step, count: float) -> None:
+        if step is Step.WIDE:
+            counted.append(count)
+
+    monkeypatch.setattr(exact, "expand", seen)
+    monkeypatch.setattr(exact, "spend", spent)
+    ExactSolver(problem, ExactOptions(cells=200, coarse_cells=100, rounds=1)).solve()
+    assert counted
+    assert counted == [(16 - done) * labels for labels in looked_at]
 
 
 @settings(max_examples=40, deadline=None)
