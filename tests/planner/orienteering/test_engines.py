@@ -16,6 +16,7 @@ from planner.orienteering import Experiment, RoutingProblem, SideLimit, exact, r
 from planner.orienteering.cp_sat import solve_cp_sat
 from planner.orienteering.engines import ENGINES, Effort, RoutingEngine, engine_named
 from planner.orienteering.exact import ExactOptions, ExactSolver
+from planner.orienteering.label_kernels import expand
 from planner.orienteering.survey import is_survey, solve_survey
 from planner.tally import Step
 from tests.planner.orienteering.brute_force import optimum
@@ -53,7 +54,6 @@ def test_experiments_that_are_done_take_no_work_of_the_search(
     problem = RoutingProblem(roads, roads, wanted, 250, energy_budget=250, done=frozenset(range(done)))
     counted: list[float] = []
     looked_at: list[int] = []
-    expand = exact.expand
 
     def seen(labels: int, *more: object) -> object:
         looked_at.append(labels)
