@@ -409,6 +409,38 @@ def test_an_answer_from_near_that_a_confirmed_track_contradicts_is_taken_only_if
     assert (tracker.update("A", blank(near)).state is TrackState.TRACKED) == taken
 
 
+@pytest.mark.parametrize(
+    ("aside_m", "agreeing", "taken"),
+    [(0.05, 20, False), (0.05, 80, True), (0.0, 20, True), (-0.03, 20, True)],
+)
+def test_few_patches_have_a_target_that_is_in_doubt_where_the_track_or_the_map_has_it_and_nowhere_else(
+    aside_m: float, agreeing: int, taken: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The map contradicted a track by 3 cm; 21 patches had it 5 cm from both, and it was confirmed."""
+    tracker, point = begun()
+    near, place = view("navcam", NEAR_X, DRIFT), DRIFT.apply(point)
+    assert tracker.update("A", near).state is TrackState.TRACKED
+    there = place + np.array([0.0, aside_m, 0.0])
+
+    def laid(given: Handoff, *_: object) -> Answer:
+        pixel = np.asarray(given.hazcam.view.left_camera.project(there))
+        none = np.empty((0, 2))
+        told = 0.9, Transform.identity(), agreeing, 0.49
+        return Answer(pixel, there, *told, none, none, np.empty((0, 4)))
+
+    monkeypatch.setattr(recall, "cascade", laid)
+    # at the second stop nothing is in doubt any more but what the first one has left open
+    for map_m in (-0.03, 0.0):
+        tracker._memories["A"].asked = None
+        tracker.expect("A", place + np.array([0.0, map_m, 0.0]), 0.004**2 * np.eye(3))
+        told = tracker.update("A", near)
+        assert told.state is TrackState.TRACKED
+        assert np.linalg.norm(told.position - (there if taken else place)) < 0.01
+        if taken:
+            break
+        assert np.linalg.eigvalsh(told.covariance)[0] > 0.03**2
+
+
 def test_an_answer_whose_pixel_may_be_of_something_before_it_is_not_taken(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
