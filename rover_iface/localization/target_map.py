@@ -24,6 +24,12 @@ SLOPE_SLIP, SLOPE_SLIDE, ALIKE_M = 0.10, 0.05, 3.0
 rover goes until the slope is another. A day looked at (299656722) was 10 % off over 17 m."""
 TURN_RAD = 0.003
 """Error of the heading after a way: that of the gyroscope in a turn of 90 degrees."""
+SETTLED_M, OTHER_GROUND_M, WHEELS_M = 0.008, 0.3, 0.5
+"""Error of the height once the wheels have come to stand on other ground, how far they roll until it is, and
+how far they stand from the middle of a turn. Dead reckoning takes a turn on the spot to change no
+height: of 916 on 120 looked-at days those by less than 0.1 rad left 0.7 mm (root mean square), those by 0.1
+to 0.3 3.6, by 0.3 to 0.5 6.2, by more 7.4, and 27 at most. Ways of 5 to 20 cm err by 4 to 7 mm, of which `SLIDE`
+has 3 to 5."""
 ALIKE = 2.0
 """Factor on the variance of a look: half of its error is that of the look before, as the template is."""
 CONTRADICTS = 18.47
@@ -88,6 +94,8 @@ class TargetMap:
         along = _turn(math.atan2(step[1], step[0])) @ np.diag([SLIP * way, SLIDE * way, SLIDE * way])
         in_site = _turn(heading) @ along
         noise[:3, :3] = in_site @ in_site.T
+        rolled = way + WHEELS_M * abs(turned)
+        noise[2, 2] += (SETTLED_M * min(1.0, rolled / OTHER_GROUND_M)) ** 2
         noise[3, 3] = TURN_RAD**2 + self.drift_rad_m**2 * way
         noise[4, 4] = (1.0 - alike**2) * SLOPE_SLIP**2
         noise[5, 5] = (1.0 - alike**2) * SLOPE_SLIDE**2
