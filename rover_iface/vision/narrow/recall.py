@@ -490,8 +490,8 @@ def _against_track(shown: Shown, track: TrackUpdate, memory: _Memory) -> bool:
     by so little, of 21 days, were 1 to 17 mm off, all of targets that were tracked.
 
     Where the drive and the other targets contradict the track, few patches may say which of them is right,
-    but not that neither is: on 306306749 (looked at) the map was 3 cm off, and 21 patches and an own one of 0.47
-    had a target 56 mm beside its place that its track had to 6.
+    but not that neither is: on 306306749 (looked at) the map was 3 cm off, and 21 patches and an own one of
+    0.47 had a target 56 mm beside its place that its track had to 6.
     """
     if track.state is not TrackState.TRACKED:
         return _hardly_shown(shown.answer)

@@ -90,6 +90,24 @@ def test_a_rover_that_turns_on_the_spot_may_come_to_stand_higher_or_lower(
     assert math.sqrt(after[2, 2] - before[2, 2]) == pytest.approx(sigma_m, abs=0.001)
 
 
+@pytest.mark.parametrize("turn_rad", [0.0, math.pi, math.pi / 2.0])
+def test_a_slope_draws_one_way_wherever_the_wheels_go(turn_rad: float) -> None:
+    """A rover went up and down a slope; the map had it slip on the way down as on the way up, and did not
+    believe what looks at the ground told.
+    """
+    drive, covariance = Drive(0, slip=-0.1), 0.002**2 * np.eye(4)
+    for _ in range(6):
+        x = drive.believed.x + 0.5
+        drive.map.move(Pose(x, 0.0, 0.0, 0.0))
+        drive.map.came(Pose(x - 0.05, 0.0, 0.0, 0.0), covariance)
+        drive.believed = Pose(x, 0.0, 0.0, 0.0)
+    before = drive.map.rover[0]
+    x, y = 0.5 * math.cos(turn_rad), 0.5 * math.sin(turn_rad)
+    drive.map.move(Pose(drive.believed.x + x, y, 0.0, 0.0))
+    went = drive.map.rover[0][:2] - before[:2]
+    assert went == pytest.approx([x - 0.05, y], abs=0.012)
+
+
 def test_a_target_out_of_sight_is_where_it_is_told_to_be() -> None:
     """95 % of chi square with three degrees of freedom is 7.8; the map is told of looks that are alike."""
     inside, off_m, alone_m = [], [], []
