@@ -23,6 +23,7 @@ from planner.contingency.why_not.relaxations import (
     ALL_BUT_EVEN,
     CLOSE,
     PUT_RIGHT,
+    TRUSTED,
     _next,
     _that_may_lead,
     smallest_relaxations,
@@ -267,6 +268,27 @@ def test_a_relaxation_is_not_late_where_futures_tell_a_lead_wrong_between_two_fa
     assert values[7, 2, 5, 4] <= 1.001 * values[7, 2, 3, 4, 0]
 
 
+def test_a_relaxation_is_not_late_as_a_chance_is_put_right_at_another_factor() -> None:
+    """Scaled from where it is known, futures tell a chance to be 0.99 % where it is 1.04 %."""
+    problem = drawn(848_066_986, 121, [5, 6])
+    what = problem.observations[4]
+    found = smallest_relaxations(Question(problem, what, [(5, 0, 3)]))
+    factor = next(one.factor for one in found if one.what == OF_ENERGY)
+    values = OrderValues(Model.of(widened(problem, what, (OF_ENERGY,), factor / 1.01)))
+    seldom = values.chance((5, 0, 4), 4) < 0.01
+    assert seldom or values[5, 0, 4] < 1.002 * max(values[order] for order in [(5, 0), (5, 0, 3), (5, 0, 2)])
+
+
+def test_a_relaxation_is_not_late_as_few_futures_put_the_best_order_fifth_in_a_window() -> None:
+    """(0, 3, 5, 2, 1, 4) is 1.7 % behind in 512 futures, where it is 0.4 % ahead."""
+    problem = drawn(848_066_986, 128, [5, 6])
+    what, kinds = problem.observations[0], (OF_TIME, OF_ENERGY, WINDOW)
+    (found,) = smallest_relaxations(Question(problem, what, [(5, 2, 1, 4, 3)]))
+    assert set(found.what.split(" and ")) == set(kinds)
+    values = OrderValues(Model.of(widened(problem, what, kinds, found.factor / 1.01)))
+    assert values[0, 3, 5, 2, 1, 4] < 1.002 * values[5, 2, 1, 4, 3]
+
+
 @given(
     true=st.integers(1, 442),
     told=st.lists(st.none() | st.integers(1, 442), min_size=PUT_RIGHT, max_size=PUT_RIGHT),
@@ -281,7 +303,7 @@ def test_whatever_futures_tell_a_factor_little_smaller_than_the_least_is_valued(
         if at is None:
             break
         leads[at] = 1.0 if at >= true else -1.0
-        at = _next(leads, wrong, room)
+        at = _next(leads, wrong, room, trusted=len(leads) < TRUSTED)
     assert at is None
     least = min(k for k, lead in leads.items() if lead > 0.0)
     assert least - room < true <= least
@@ -289,8 +311,10 @@ def test_whatever_futures_tell_a_factor_little_smaller_than_the_least_is_valued(
 
 def test_the_third_factor_is_where_a_line_through_two_leads_ends() -> None:
     """Day 5 of seed 388904330, A7: futures told 181 and then, a quarter at a time, six factors below."""
-    assert _next({194: 0.079, 188: 0.051}, 181, CLOSE) == 177
-    assert _next({194: 0.079, 188: 0.079}, 181, CLOSE) == 181  # a line that does not fall tells nothing
+    assert _next({194: 0.079, 188: 0.051}, 181, CLOSE, trusted=True) == 177
+    assert (
+        _next({194: 0.079, 188: 0.079}, 181, CLOSE, trusted=True) == 181
+    )  # a line that does not fall tells nothing
 
 
 def test_orders_that_all_seem_behind_are_all_valued() -> None:

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.contingency.order_in_futures import Order
+from planner.contingency.why_not.chances import Right
 from planner.contingency.why_not.order_changes import changes_of
 from planner.contingency.why_not.order_lanes import BOTH, ENERGY, TIME
 from planner.contingency.why_not.order_run import Scale, carry_out, ways_of
@@ -76,12 +77,19 @@ def _doubled(rows: NDArray[Any], used: int) -> NDArray[Any]:
 @dataclass(frozen=True, slots=True)
 class Widened:
     """What a factor widens: a row of the curves (None: no budget), and whether the downlink volume. Orders
-    that hold the observation asked for count from the chance `least` to make it on.
+    that hold the observation asked for count from the chance `least` to make it on; where it is known at
+    other factors alone, that is taken as `leeway` times what it comes to by these.
     """
 
     row: int | None
     volume: bool = False
     least: float = LEAST_CHANCE
+    leeway: float = 1.0
+
+    @property
+    def widens(self) -> tuple[int | None, bool]:
+        """What is widened, whatever counts."""
+        return self.row, self.volume
 
     def column(self, at: int) -> int:
         """Return the number of the factor on the budgets where the factor is number `at`."""
@@ -115,7 +123,7 @@ class OrdersByBudget:
         """
         self.model, self.asked, self.futures, self.widest = model, asked, futures, widest
         self.doubt = doubt
-        self._right: dict[Order, float] = {}
+        self._right: dict[Order, Right] = {}
         self.factors = np.geomspace(1.0, widest, 1 + math.ceil(math.log(widest) / math.log(STEP)))
         budget = model.problem.budget
         limits = max(budget.time_s, LEAST), max(budget.usable_energy_j, LEAST)
@@ -210,8 +218,8 @@ class OrdersByBudget:
         number, row, column = self._number(order), how.row or TIME, how.column(at)
         if self._needs[number] > (self.factors[at] if how.volume else 1.0) * (1.0 + 1e-9):
             return -math.inf
-        chance = self._curves[number, 3 + row, column] * self._right.get(order, self.doubt)
-        if self._held[number] and chance < how.least:
+        chance = self._curves[number, 3 + row, column]
+        if self._held[number] and chance * self._times(order, how, slice(at, at + 1))[0] < how.least:
             return -math.inf
         return float(self._curves[number, row, column])
 
@@ -229,12 +237,21 @@ class OrdersByBudget:
         return float(self._curves[number, 3 + (how.row or TIME), how.column(at)])
 
     def put_right(self, order: Order, how: Widened, at: int, chance: float) -> None:
-        """Take the chance of an order for what it is at factor number `at`, and as much more or less as
-        futures tell at the others, in any windows.
+        """Take the chance of an order for what it is at factor number `at`, and at the others for as much
+        more or less than futures tell as at those where it is known, in any windows.
         """
         told = self.chance(order, how, at)
         if told > 0.0:
-            self._right[order] = chance / told
+            before = self._right.get(order)
+            known = before.known if before is not None and before.widens == how.widens else {}
+            self._right[order] = Right.of(how.widens, {**known, at: chance / told}, len(self.factors))
+
+    def _times(self, order: Order, how: Widened, at: slice) -> Curves:
+        """Return how many times as often as futures tell an order may make the observation, [factors]."""
+        right = self._right.get(order)
+        if right is None:
+            return np.full(len(self.factors[at]), self.doubt, np.float32)
+        return right.at_most(how.widens, at, how.leeway)
 
     def _worths(
         self, how: Widened, at: int | slice, *, holds: bool | None = None, numbers: Numbers | None = None
@@ -253,8 +270,7 @@ class OrdersByBudget:
         if holds is not False and self._held[numbers].any():
             chances = self._curves[numbers, 3 + row, column]
             if self._right or self.doubt != 1.0:
-                right = [self._right.get(self._orders[k], self.doubt) for k in numbers]
-                chances = chances * np.array(right, np.float32)[:, None]
+                chances = chances * np.array([self._times(self._orders[k], how, at) for k in numbers])
             seldom = chances < how.least
             values = np.where(self._held[numbers][:, None] & seldom, -np.inf, values)
         return values, numbers

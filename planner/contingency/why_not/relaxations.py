@@ -106,21 +106,25 @@ def _least(question: Question, kinds: Collection[str]) -> Relaxation | None:
     behind: dict[Order, dict[int, float]] = {}
     off: dict[int, float] = {}
     best: _Found | None = None
+    room = CLOSE
     at = contest.least(np.zeros(len(numbers)))
     while at is not None and at not in leads and len(leads) < PUT_RIGHT:
         leads[at] = -math.inf
         valued = _valued(question, kinds, contest, at, behind)
         if valued is None:  # made too seldom: a little further on it may be made, if futures do not say where
             again = contest.least(_interpolated(off, numbers))
-            at = again if again is not None and again not in leads else at + FURTHER
-            at = at if at < len(numbers) else None
+            if best is None:
+                at = again if again is not None and again not in leads else at + FURTHER
+                at = at if at < len(numbers) else None
+            else:
+                at = _next(leads, again, room, trusted=True)
             continue
         leads[at], small, found = valued
         if leads[at] > 0.0 and (best is None or found.factor < best.factor):
             best = found
         off[at] = leads[at] - contest.lead(at)
         room = ALL_BUT_EVEN if 0.0 < leads[at] <= small else CLOSE
-        at = _next(leads, contest.least(_interpolated(off, numbers)), room)
+        at = _next(leads, contest.least(_interpolated(off, numbers)), room, trusted=len(leads) < TRUSTED)
     return None if best is None else best.relaxation(kinds)
 
 
@@ -130,11 +134,12 @@ def _interpolated(off: Mapping[int, float], numbers: Ints) -> Floats:
     return np.interp(numbers, known, [off[k] for k in known]) if known else np.zeros(len(numbers))
 
 
-def _next(leads: Mapping[int, float], told: int | None, room: int) -> int | None:
+def _next(leads: Mapping[int, float], told: int | None, room: int, *, trusted: bool) -> int | None:
     """Return the number of the factor to be valued next; None where the least is known: where one not more
     than `room` smaller was valued, and was behind.
 
-    Futures tell one for the first `TRUSTED`. Without one, a factor is valued that is `room` smaller than the
+    Futures tell one where they are `trusted`: for the first `TRUSTED`, and where they were just put right on
+    how seldom it is made. Without one, a factor is valued that is `room` smaller than the
     least known, which most often is behind, and four times as much smaller each time that it is not.
     """
     ahead = min((at for at, lead in leads.items() if lead > 0.0), default=None)
@@ -146,7 +151,7 @@ def _next(leads: Mapping[int, float], told: int | None, room: int) -> int | None
     line = _where_a_line_ends(leads, ahead) if not behind else None
     if line is not None:
         return max(min(line, ahead - room), ahead - ROOMS * room, 1)
-    if told is not None and behind < told < ahead - room and len(leads) < TRUSTED:
+    if told is not None and behind < told < ahead - room and trusted:
         return told
     won = sum(lead > 0.0 for lead in leads.values())
     return max((behind + ahead) // 2, ahead - room * 4 ** (won - 1))
