@@ -40,6 +40,7 @@ from planner.path_network.calibration import (
     fit_mean,
 )
 from planner.path_network.calibration_document import CALIBRATIONS, calibration_document
+from planner.path_network.intraday_correlation import IntradayCorrelation, fit_intraday_correlation
 from planner.path_network.rate_fit import LossFit, fit_failures, fit_loss
 from planner.path_network.values import (
     START,
@@ -65,6 +66,7 @@ __all__ = [
     "ActivityFit",
     "Calibration",
     "DriveRule",
+    "IntradayCorrelation",
     "KeepOut",
     "LossFit",
     "MissingRoute",
@@ -85,6 +87,7 @@ __all__ = [
     "fit_activity",
     "fit_calibration",
     "fit_failures",
+    "fit_intraday_correlation",
     "fit_loss",
     "fit_mean",
 ]

@@ -4,21 +4,24 @@ Of n activities of a kind s succeeded. With a belief p0 worth K = `BELIEVED` of 
 (s + K p0) / (n + K), the mean of a beta distribution of parameters K p0 and K (1 - p0) after n trials
 (Gelman et al. 2013, Bayesian Data Analysis, section 2.4). Neither parameter is less than `HALF`, so a profile
 that says that a kind never fails is not taken for certain once it was tried. Means and variances of times and
-energies are those of the n and K others as believed taken together.
+energies are those of the n and K others as believed taken together. Where the days are known, successes of
+one day may go together (`intraday_correlation`): that leaves the odds, and widens their error by the square
+root of the design effect.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
 from annotated_types import Ge, MinLen
 
-from mission.values import Chance, NotNegative, value
+from mission.values import Chance, NotNegative, Share, value
 from planner.errors import ProblemError
+from planner.path_network.intraday_correlation import UNKNOWN, design_effect, fit_intraday_correlation
 
 BELIEVED = 5.0
 """Activities that what was believed before is worth. By hand: half of the least that a calibration is made of
@@ -36,7 +39,9 @@ TRACK_START = "trackstart"
 class ActivityFit:
     """Odds, time (s) and energy (J, without hotel load) of one kind of activity; `tried` 0 is a belief.
 
-    `p_se` is the standard error of `p_success`; 0 for a belief.
+    `p_se` is the standard error of `p_success`; 0 for a belief. `intraday_correlation` is that of the
+    successes of one day, `intraday_correlation_se` its error, `days` how many days of two tries or more it
+    rests on; 0 where they are taken as independent.
     """
 
     name: Annotated[str, MinLen(1)]
@@ -48,6 +53,21 @@ class ActivityFit:
     tried: Annotated[int, Ge(0)] = 0
     succeeded: Annotated[int, Ge(0)] = 0
     p_se: NotNegative = 0.0
+    intraday_correlation: Share = 0.0
+    intraday_correlation_se: NotNegative = 0.0
+    days: Annotated[int, Ge(0)] = 0
+
+    @property
+    def expected_correlation(self) -> float:
+        """The correlation of two successes of a day to come; 0 where it is not known how days differ.
+
+        They go together because days differ, and because the odds themselves are known to `p_se` only: the
+        variance of a day's odds is the mean of rho p (1 - p) and `p_se`^2 (law of total variance).
+        """
+        if not self.days or not 0.0 < self.p_success < 1.0:
+            return 0.0
+        unknown = min(1.0, self.p_se**2 / (self.p_success * (1.0 - self.p_success)))
+        return self.intraday_correlation + (1.0 - self.intraday_correlation) * unknown
 
 
 def fit_activity(
@@ -55,8 +75,11 @@ def fit_activity(
     success: Sequence[bool],
     duration_s: Sequence[float],
     energy_j: Sequence[float],
+    day: Sequence[Hashable] = (),
 ) -> ActivityFit:
     """Return what is believed of a kind of activity after some of it; itself where there were none.
+
+    `day` is that of each; without them successes are taken as independent.
 
     Raises
     ------
@@ -77,6 +100,10 @@ def fit_activity(
     p = (succeeded + believed) / (count + BELIEVED)
     time_mean, time_sd = _together(times, belief.time_mean_s, belief.time_sd_s)
     energy_mean, energy_sd = _together(energies, belief.energy_mean_j, belief.energy_sd_j)
+    together = UNKNOWN
+    if len(day):
+        together = fit_intraday_correlation(success, day, (believed, BELIEVED - believed))
+    widened = design_effect(together.mean, day) if together.days else 1.0
     return ActivityFit(
         name=belief.name,
         p_success=p,
@@ -86,7 +113,10 @@ def fit_activity(
         energy_sd_j=energy_sd,
         tried=count,
         succeeded=succeeded,
-        p_se=math.sqrt(p * (1.0 - p) / (count + BELIEVED + 1.0)),
+        p_se=math.sqrt(widened * p * (1.0 - p) / (count + BELIEVED + 1.0)),
+        intraday_correlation=together.mean,
+        intraday_correlation_se=together.error,
+        days=together.days,
     )
 
 

@@ -44,8 +44,9 @@ Count = Annotated[int, Ge(0)]
 
 @value
 class Calibration:
-    """Parameters of the leg model above, and their source (`calibration/3`; without times of tracks and
-    activities `calibration/2`, without failures and factors of days `calibration/1`).
+    """Parameters of the leg model above, and their source (`calibration/4`; without correlations of successes
+    `calibration/3`, without times of tracks and activities `calibration/2`, without failures and factors of
+    days `calibration/1`).
 
     `legs`, `tracks` (watched on a leg), `losses` and `failures` (drives that ended short of their goal) say
     on how much evidence the numbers rest; all 0 for numbers taken from literature. The `_se_per_m` are

@@ -19,7 +19,7 @@ from ground.resources.calibrations.driven_legs import (
     exposure_m,
     legs_of_run,
 )
-from ground.resources.calibrations.made_activities import MadeActivity, activities_of_run
+from ground.resources.calibrations.made_activities import MadeActivity, activities_of_run, fitted
 from ground.uplink.flight import fly
 from planner.path_network import Calibration
 from rover_iface.contract import write_contract_world
@@ -173,9 +173,24 @@ def test_activities_have_their_outcome_time_and_energy_and_drives_are_none(tmp_p
     with (out / "journal.jsonl").open("a") as journal:
         journal.write("\n" + "\n".join(map(json.dumps, lines)))
     assert activities_of_run(out, K9) == [
-        MadeActivity("trackstart", True, 45.0, 200.0),
-        MadeActivity("mi", False, 600.0, 0.0),
+        MadeActivity("trackstart", True, 45.0, 200.0, "run"),
+        MadeActivity("mi", False, 600.0, 0.0, "run"),
     ]
+
+
+def test_successes_of_one_run_may_go_together_and_starts_of_tracks_are_not_asked() -> None:
+    made = [
+        MadeActivity(kind, run % 3 != 0, 500.0, 9000.0, f"run{run}")
+        for run in range(30)
+        for kind in ("mi", "mi", "trackstart", "trackstart")
+    ]
+    placed, begun = fitted(made, K9)
+    assert (placed.name, placed.days) == ("mi", 30)
+    assert placed.intraday_correlation > 3.0 * placed.intraday_correlation_se
+    assert (begun.name, begun.days, begun.intraday_correlation) == ("trackstart", 0, 0.0)
+    nameless = [MadeActivity(one.kind, one.success, one.duration_s, one.energy_j) for one in made]
+    assert {one.days for one in fitted(nameless, K9)} == {0}
+    assert fitted(nameless, K9)[0].p_success == placed.p_success
 
 
 @pytest.mark.parametrize(("outcome", "cut"), [("FAILED", 1), ("ABORTED", 0)])

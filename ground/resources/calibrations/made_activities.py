@@ -18,12 +18,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class MadeActivity:
-    """One activity of a run that came to a result; `kind` is its instrument, or `trackstart`."""
+    """One activity of a run that came to a result; `kind` is its instrument, or `trackstart`. A run is a day;
+    "" where it is not known.
+    """
 
     kind: str
     success: bool
     duration_s: float
     energy_j: float
+    run: str = ""
 
 
 def activities_of_run(folder: Path, profile: RoverProfile) -> list[MadeActivity]:
@@ -36,14 +39,14 @@ def activities_of_run(folder: Path, profile: RoverProfile) -> list[MadeActivity]
     """
     try:
         lines = read_kept(folder / "journal.jsonl").decode().splitlines()
-        return list(_made([json.loads(line) for line in lines], profile))
+        return list(_made(folder.name, [json.loads(line) for line in lines], profile))
     except (OSError, ValueError) as err:
         raise ArchiveError(f"{folder.name}: no activities can be read: {err}") from err
     except (AttributeError, KeyError, TypeError, IndexError) as err:
         raise ArchiveError(f"{folder.name}: a record is malformed: {err!r}") from err
 
 
-def _made(journal: Sequence[Mapping[str, Any]], profile: RoverProfile) -> Iterator[MadeActivity]:
+def _made(run: str, journal: Sequence[Mapping[str, Any]], profile: RoverProfile) -> Iterator[MadeActivity]:
     from planner.path_network import TRACK_START
 
     now_s, sent = 0.0, {}
@@ -59,12 +62,16 @@ def _made(journal: Sequence[Mapping[str, Any]], profile: RoverProfile) -> Iterat
             begun = sent.pop(tuple(event.get("command", ())), None) if event["e"] == "result" else None
             if begun is not None:
                 energy_j = max(0.0, float(event.get("values", {}).get("energy_j", 0.0)))
-                yield MadeActivity(begun[0], bool(event["success"]), event["t"] / 1000.0 - begun[1], energy_j)
+                took_s = event["t"] / 1000.0 - begun[1]
+                yield MadeActivity(begun[0], bool(event["success"]), took_s, energy_j, run)
 
 
 def fitted(made: Sequence[MadeActivity], profile: RoverProfile) -> tuple[ActivityFit, ...]:
     """Return what is believed of each kind of activity that runs made, by name; the others stay the
     profile's.
+
+    Successes of an instrument on one day may go together. Starts of tracks are not asked for it: plans turn
+    on what those come to, so their worth would change with it.
     """
     from planner.path_network import TRACK_START, ActivityFit, fit_activity
 
@@ -76,6 +83,7 @@ def fitted(made: Sequence[MadeActivity], profile: RoverProfile) -> tuple[Activit
     found = []
     for kind, belief in sorted(beliefs.items()):
         some = [one for one in made if one.kind == kind]
+        days = [one.run for one in some if one.run] if kind != TRACK_START else []
         if some:
             found.append(
                 fit_activity(
@@ -83,6 +91,7 @@ def fitted(made: Sequence[MadeActivity], profile: RoverProfile) -> tuple[Activit
                     [one.success for one in some],
                     [one.duration_s for one in some],
                     [one.energy_j for one in some],
+                    days if len(days) == len(some) else (),
                 )
             )
     return tuple(found)

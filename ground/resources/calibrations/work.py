@@ -18,7 +18,7 @@ READING = 0.3
 
 
 def work(order: CalibrationOrder, report: Report, should_stop: Callable[[], bool]) -> Mapping[str, object]:
-    """Return `calibration`, the document `calibration/1` that run folders bear out.
+    """Return `calibration`, the document of the calibration that run folders bear out.
 
     Raises
     ------

@@ -83,7 +83,7 @@ def test_the_file_form_survives_a_round_trip(tmp_path: Path) -> None:
     path = tmp_path / "c.json"
     path.write_text(CALIBRATIONS.write(K9_CALIBRATION), encoding="utf-8")
     assert CALIBRATIONS.read_file(path) == K9_CALIBRATION
-    assert json.loads(path.read_text())["format"] == "calibration/3"
+    assert json.loads(path.read_text())["format"] == "calibration/4"
 
 
 @pytest.mark.parametrize(
