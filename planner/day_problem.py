@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from mission import Amount, Day, Instrument, MissionError, Pose, Request, TerrainGrid
 from planner.constraints.registry import stated
@@ -43,13 +43,15 @@ class Refusal:
 @dataclass(frozen=True, slots=True)
 class RoverCosts:
     """What the rover spends beside its drives: on observations by instrument, and to begin a track; and the
-    chance that a track does not begin.
+    chance that a track does not begin. `intraday_correlation` is that of an instrument's successes on one
+    day, by instrument; 0 for others.
     """
 
     instruments: Mapping[str, Instrument]
     track_start_s: float
     track_start_j: float
     p_unbegun: float = 0.0
+    intraday_correlation: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -136,6 +138,10 @@ def problem_of(day: Day, network: PathNetwork, costs: RoverCosts) -> DayProblem:
             }
             for kind in network.sol_kinds
         )
+    used = {r.instrument for r in day.requests if r.id in terms}
+    together = {k: v for k, v in sorted(costs.intraday_correlation.items()) if k in used and v > 0.0}
+    if together:
+        document["intraday_correlation"] = together
     return DayProblem(problem_from_dict(problem_document(document)), stands, tuple(refused))
 
 

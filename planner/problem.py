@@ -3,7 +3,8 @@
 Three forms are read: `contingency/1` (one observation per target), `problem/1`, its superset (several
 observations per target, precedence, must-do, windows, diminishing value, downlink volume, energy floor,
 chance constraint, asymmetric legs with their route on the ground, references to the mission's rows), and
-`problem/2`, in which drives may fail, the kind of sol may be hidden and targets have normals. Times are
+`problem/2`, in which drives may fail, the kind of sol may be hidden, targets have normals and successes of
+a day may go together. Times are
 seconds from the start of the plan, energies joules, lengths metres in the site frame (east, north), angles
 radians.
 """
@@ -164,7 +165,8 @@ class Problem:
     The first action that ends over a budget ends the run, earns nothing and costs `overrun_penalty`. Where
     `max_overrun_probability` is given, the chance of that must not exceed it. `precedence` holds pairs (a,
     b): observation b may only be made after a was made. One of `sol_kinds`, or the ordinary sol with the rest
-    of the probability, is drawn and hidden.
+    of the probability, is drawn and hidden. `intraday_correlation` is that of the successes of an
+    instrument's observations on one day (`planner.outlook`), by the instrument; 0 for others.
     """
 
     name: str
@@ -182,6 +184,7 @@ class Problem:
     refs: Mapping[str, str] = field(default_factory=dict)
     source_format: str = "problem/1"
     sol_kinds: tuple[SolKind, ...] = ()
+    intraday_correlation: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def observations(self) -> tuple[Observation, ...]:
@@ -256,6 +259,7 @@ def problem_from_dict(data: object, where: str = "") -> Problem:
         refs=document.get("refs") or {},
         source_format=str(data["format"]),
         sol_kinds=read_kinds(document.get("sol_kinds") or ()),
+        intraday_correlation={k: v for k, v in (document.get("intraday_correlation") or {}).items() if v},
     )
 
 
@@ -444,7 +448,8 @@ def _leg_document(leg: Leg) -> LegDocument:
 
 def problem_to_dict(problem: Problem) -> dict[str, Any]:
     """Return the JSON form of a problem, in the format it was read from if that can say all of it, else
-    `problem/1`, or `problem/2` where drives may fail, the kind of sol is hidden or a target has a normal.
+    `problem/1`, or `problem/2` where drives may fail, the kind of sol is hidden, a target has a normal or
+    successes of a day go together.
     """
     budget, start = problem.budget, problem.start
     d: ProblemDocument = {
@@ -471,6 +476,8 @@ def problem_to_dict(problem: Problem) -> dict[str, Any]:
         d["precedence"] = problem.precedence
     if problem.sol_kinds:
         d["sol_kinds"] = written_kinds(problem.sol_kinds)
+    if problem.intraday_correlation:
+        d["intraday_correlation"] = dict(problem.intraday_correlation)
     if problem.source_format == CONTINGENCY.format and says_all(d):
         return CONTINGENCY.document(contingency_document(d))
     return problem_document(d)

@@ -2,8 +2,8 @@
 codec.
 
 `contingency/1` holds one observation per target and is brought up to `problem/1`, its superset; in
-`problem/2` drives may fail and the kind of sol may be hidden. Members that may be absent may also be null,
-but for those that are true or false.
+`problem/2` drives may fail, the kind of sol may be hidden and successes of a day may go together. Members
+that may be absent may also be null, but for those that are true or false.
 """
 
 from __future__ import annotations
@@ -185,12 +185,14 @@ class ProblemDocument(_Problem):
     targets: Annotated[tuple[TargetDocument, ...], MaxLen(MAX_TARGETS)]
     legs: tuple[LegDocument, ...]
     sol_kinds: NotRequired[Annotated[tuple[SolKindDocument, ...], MaxLen(MAX_SOL_KINDS)] | None]
+    intraday_correlation: NotRequired[dict[Name, Share] | None]
+    """Of the successes of an instrument's observations on one day, by the instrument; independent without."""
 
 
 @document
 class SureProblemDocument(_Problem):
-    """A planning problem of `problem/1`, in which no drive fails, all sols are of one kind and surfaces are
-    level.
+    """A planning problem of `problem/1`, in which no drive fails, all sols are of one kind, surfaces are
+    level and observations succeed independently.
     """
 
     targets: Annotated[tuple[SureTargetDocument, ...], MaxLen(MAX_TARGETS)]
@@ -243,6 +245,9 @@ def _of_one_kind(members: dict[str, Any]) -> dict[str, Any]:
     """Return the members of a `problem/1`, in which no drive fails, all sols are of one kind and surfaces are
     level, as those of `problem/2`.
     """
+    if members.get("intraday_correlation") is not None:
+        said = f"problem intraday_correlation is {shown(members['intraday_correlation'])}"
+        raise ProblemError(f"{said}; successes that go together need the format problem/2")
     if members.get("sol_kinds") is not None:
         given = len(members["sol_kinds"]) if isinstance(members["sol_kinds"], list | tuple) else 1
         raise ProblemError(f"problem sol_kinds states {given}; kinds of sols need the format problem/2")
@@ -271,6 +276,7 @@ def says_all(problem: ProblemDocument) -> bool:
     """Return whether `contingency/1` can say all that a problem does."""
     if (
         problem.get("sol_kinds")
+        or problem.get("intraday_correlation")
         or not problem.keys() <= ContingencyDocument.__annotations__.keys()
         or drives_fail(problem)
     ):
@@ -320,16 +326,17 @@ PROBLEMS = Codec(
 )
 
 SURE_DRIVES = Codec(SureProblemDocument, "problem/1", "problem", error=ProblemError)
-"""What a problem in which no drive fails, all sols are of one kind and surfaces are level is written with:
-older programs read it, and its digest stays.
+"""What a problem in which no drive fails, all sols are of one kind, surfaces are level and observations
+succeed independently is written with: older programs read it, and its digest stays.
 """
 
 
 def problem_document(problem: ProblemDocument) -> dict[str, Any]:
     """Return a problem as a document of the oldest form, `problem/1` or later, that can say all of it."""
     slanting = any(target.get("normal") for target in problem["targets"])
-    if drives_fail(problem) or problem.get("sol_kinds") or slanting:
+    more = problem.get("sol_kinds") or problem.get("intraday_correlation")
+    if drives_fail(problem) or more or slanting:
         return PROBLEMS.document(problem)
     sure = tuple({k: v for k, v in leg.items() if k != "p_fail"} for leg in problem["legs"])
-    said = {k: v for k, v in problem.items() if k != "sol_kinds"}
+    said = {k: v for k, v in problem.items() if k not in {"sol_kinds", "intraday_correlation"}}
     return SURE_DRIVES.document(cast("SureProblemDocument", {**said, "legs": sure}))

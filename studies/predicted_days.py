@@ -28,7 +28,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -39,8 +39,7 @@ import numpy.typing as npt
 from ground.errors import InvalidInputError
 from ground.resources.calibrations.driven_legs import DrivenLeg, calibrate, legs_of_run
 from ground.resources.calibrations.made_activities import activities_of_run
-from planner.evaluate.model import Model
-from planner.evaluate.monte_carlo import simulate
+from planner.outlook import outlook
 from planner.path_network import CALIBRATIONS, Calibration
 from planner.plan_tree import Plan
 from planner.problem import START, Problem, TargetId
@@ -52,8 +51,6 @@ from studies.common.pages import table, write_section
 TRAIN_BELOW, SEEDS = 2**20, 2**30
 """Seeds of training sites lie below the first, those of evaluation sites from there to the second."""
 TARGETS = 5
-FUTURES = 20_000
-"""Futures of a prediction: a share of 5 % to 0.15 %."""
 BAND = (0.05, 0.95)
 DAY, LEARNED = "day.json", "calibration.json"
 RELEARN = 20
@@ -167,27 +164,18 @@ def record_of(day: PlannedDay, out: Path) -> dict[str, Any]:
 def prediction(problem: Problem, plan: Plan, seed: int) -> dict[str, Any]:
     """Return what the planner's model says of a plan: its utility, time and energy, and what is made.
 
-    `values` holds each utility with its share of the futures. The evaluator gives an observation its mean; to
-    toss the coins, each is made worth a power of two, so that a future's utility tells which were made.
+    `values` holds each utility with its share of the futures.
     """
-    model = Model.of(problem)
-    bits = replace(
-        model, utility=np.exp2(np.arange(model.m, dtype=np.float64)), p_success=np.ones(model.m), penalty=0.0
-    )
-    futures = simulate(bits, plan, FUTURES, seed=seed, threads=1)
-    made = (futures.utility.astype(np.int64)[:, None] >> np.arange(model.m)) & 1
-    coins = np.random.default_rng([seed, 0xC01]).random(made.shape)
-    earned = made * (coins < model.p_success)
-    utility = np.round(earned @ model.utility - model.penalty * futures.overrun, 6)
-    values, counts = np.unique(utility, return_counts=True)
+    said = outlook(problem, plan, seed=seed)
     return {
-        "mean": float(utility.mean()),
-        "sd": float(utility.std()),
-        "time_s": float(futures.time_s.mean()),
-        "energy_j": float(futures.energy_j.mean()),
-        "overrun": float(futures.overrun.mean()),
-        "values": [[float(v), float(c) / FUTURES] for v, c in zip(values, counts, strict=True)],
-        "made": [float(p) for p in earned.mean(axis=0)],
+        "mean": said.mean,
+        "sd": said.sd,
+        "time_s": said.time_s,
+        "energy_j": said.energy_j,
+        "overrun": said.overrun,
+        "values": [[float(v), float(p)] for v, p in zip(said.values, said.shares, strict=True)],
+        "made": list(said.made),
+        "intraday_correlation": dict(problem.intraday_correlation),
     }
 
 

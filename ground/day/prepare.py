@@ -141,11 +141,12 @@ def rover_costs(profile: RoverProfile, learned: Calibration) -> RoverCosts:
                 time_s=Amount(seen.time_mean_s, seen.time_sd_s),
                 energy_j=Amount(seen.energy_mean_j, seen.energy_sd_j),
             )
+    together = {one.name: round(one.expected_correlation, 6) for one in learned.activities if one.days}
     begins = learned.activity(TRACK_START)
     if begins is None:
         tracking = profile.activity("trackstart")
-        return RoverCosts(instruments, tracking.fixed_s, tracking.fixed_j)
-    return RoverCosts(instruments, begins.time_mean_s, begins.energy_mean_j, 1.0 - begins.p_success)
+        return RoverCosts(instruments, tracking.fixed_s, tracking.fixed_j, intraday_correlation=together)
+    return RoverCosts(instruments, begins.time_mean_s, begins.energy_mean_j, 1.0 - begins.p_success, together)
 
 
 def calibration_of(profile: RoverProfile) -> Calibration:

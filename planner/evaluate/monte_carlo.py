@@ -3,7 +3,8 @@
 Every draw is a hash of the seed, the number of the future and the action that asks for it. So a future does
 not depend on the order in which actions are carried out, two plans compared under one seed meet the same
 durations, energies and losses (common random numbers), and the answer is the same on any number of threads.
-The success coin is not tossed: an observation earns its utility times its probability of success.
+The success coin is not tossed: an observation earns its utility times its probability of success
+(`planner.outlook` tosses it).
 """
 
 from __future__ import annotations

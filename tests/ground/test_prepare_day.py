@@ -17,7 +17,7 @@ from ground.errors import InvalidInputError
 from ground.reports.figures import ribbons
 from mission import After, Day, KeepOut, Request, Sky, SunElevation, Target, Tracked, Window
 from planner.path_network import TRACK_START, ActivityFit
-from planner.problem import Kind
+from planner.problem import Kind, problem_from_dict, problem_to_dict
 from rover_iface.errors import PlacementError
 from rover_iface.profile import RoverProfile, load_profile
 from rover_iface.terrain import Terrain, generate_terrain
@@ -269,6 +269,29 @@ def test_murray_buttes_holds_a_day() -> None:
     prepared = prepare_day(terrain, _profile(), demo_mission(terrain, _profile(), seed=1))
     assert prepared.refused == ()
     assert len(prepared.problem.legs) == 100
+
+
+def test_successes_that_go_together_stand_in_the_problem_of_the_instruments_asked_for() -> None:
+    plain = _prepared().problem
+    placed = ActivityFit("mi", 0.9, 504.0, 120.0, 15_400.0, 2000.0, tried=40, succeeded=36, p_se=0.06)
+    together = dataclasses.replace(placed, intraday_correlation=0.2, intraday_correlation_se=0.1, days=12)
+    unasked = dataclasses.replace(together, name="no instrument")
+    found = {
+        which: prepare_day(
+            _terrain(),
+            _profile(),
+            _mission(),
+            calibration=dataclasses.replace(calibration_of(_profile()), activities=activities),
+        ).problem
+        for which, activities in {"alone": (placed,), "together": (together, unasked)}.items()
+    }
+    assert "intraday_correlation" not in problem_to_dict(plain)
+    assert found["alone"].intraday_correlation == {}
+    assert set(found["together"].intraday_correlation) == {"mi"}
+    assert 0.2 < found["together"].intraday_correlation["mi"] < 0.25
+    assert problem_from_dict(problem_to_dict(found["together"])) == found["together"]
+    alone = dataclasses.replace(found["together"], intraday_correlation={})
+    assert alone.digest() == found["alone"].digest()  # nothing else of the problem differs
 
 
 def test_what_runs_taught_of_activities_is_planned_with() -> None:
