@@ -13,6 +13,7 @@ from ground.cli.connection import PERSON, SERVER, connected, follow, show, uploa
 from ground.cli.failure import fail, refusals
 from ground.cli.forms.at import CRS, LONLAT, corners_of, reference_of
 from ground.cli.resources import group_of
+from ground.day.plan_summary import told_band
 
 
 def register(app: typer.Typer) -> None:
@@ -117,6 +118,8 @@ def _plan(app: typer.Typer) -> None:
                 f"{plan.id}  {plan.status}  expected utility {plan.expected_utility or 0.0:.2f}, at most "
                 f"{plan.upper or 0.0:.2f}, {plan.branches} branches, {len(plan.left_out)} requests left out"
             )
+            if band := told_band(client.get_plan_summary(plan.id)):
+                typer.echo(band)
             if crl is not None:
                 crl.write_text(client.get_plan_crl(plan.id), encoding="utf-8")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -89,6 +90,7 @@ def plan(
     Exit status 0: a plan (perhaps an empty one that says why) or a path, 2: bad input, 3: infeasible (a
     single day), 4: no plan in time. What an earlier run left of a plan in the folder is removed.
     """
+    from ground.day.plan_summary import told_band
     from planner.options import load_options
     from planner.problem import load_problem
     from planner.solve import PlanStatus, solve
@@ -121,7 +123,7 @@ def plan(
             should_stop=interrupt.wanted,
         )
     try:
-        write_plan(problem, result, out)
+        summary = write_plan(problem, result, out)
     except OSError as err:
         fail(f"{out}: {err.strerror or err}", BAD_INPUT)
     for reason in result.reasons:
@@ -140,6 +142,7 @@ def plan(
         f"no policy earns more than {result.upper:.4f}; {result.branches} branches, {result.wall_s:.1f} s"
         + ("" if result.searched >= 1.0 else f"; {100.0 * result.searched:.0f} % of the search was done")
     )
+    typer.echo(told_band(summary))
 
 
 def plan_sols(
@@ -210,8 +213,8 @@ def _end_of_sols(path: SolPath, time_limit: float) -> None:
         typer.echo("the plan of sol 1 is empty")
 
 
-def write_plan(problem: Problem, result: PlanResult, out: Path) -> None:
-    """Write plan.crl, plan_tree.json and summary.json into a folder, made if absent.
+def write_plan(problem: Problem, result: PlanResult, out: Path) -> Mapping[str, object]:
+    """Write plan.crl, plan_tree.json and summary.json into a folder, made if absent; return the summary.
 
     Without a plan (infeasible, out of time) only summary.json is written, and an older plan removed.
     """
@@ -233,8 +236,9 @@ def write_plan(problem: Problem, result: PlanResult, out: Path) -> None:
         (out / "plan_tree.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
     else:
         _remove(out, *PLAN_FILES)
-    text = json.dumps(summary_of(problem, result, crl_digest), indent=1)
-    (out / SUMMARY).write_text(text + "\n", encoding="utf-8")
+    summary = summary_of(problem, result, crl_digest)
+    (out / SUMMARY).write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
+    return summary
 
 
 def _remove(out: Path, *names: str) -> None:

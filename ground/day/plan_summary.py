@@ -12,8 +12,12 @@ if TYPE_CHECKING:
 
 
 def summary_of(problem: Problem, result: PlanResult, crl_sha256: str) -> Mapping[str, object]:
-    """Return the planner's summary, `plan-summary/1`; infinite values become null."""
-    check = result.check
+    """Return the planner's summary, `plan-summary/1`; infinite values become null.
+
+    `utility_p05`, `utility_p50` and `utility_p95` are quantiles of what a day with this plan may earn, with
+    every success drawn (`planner.outlook`); null where there is no plan.
+    """
+    check, said = result.check, band_of(problem, result)
     return {
         "format": "plan-summary/1",
         "status": result.status.value,
@@ -24,6 +28,9 @@ def summary_of(problem: Problem, result: PlanResult, crl_sha256: str) -> Mapping
         "monte_carlo": 0.0 if check is None else check.mean,
         "overrun_probability": 0.0 if check is None else check.overrun,
         "max_overrun_probability": problem.max_overrun_probability,
+        "utility_p05": None if said is None else said[0],
+        "utility_p50": None if said is None else said[1],
+        "utility_p95": None if said is None else said[2],
         "lower": result.lower,
         "upper": finite(result.upper),
         "optimum_estimate": finite(result.optimum_estimate),
@@ -38,6 +45,26 @@ def summary_of(problem: Problem, result: PlanResult, crl_sha256: str) -> Mapping
         "problem_sha256": problem.digest(),
         "crl_sha256": crl_sha256,
     }
+
+
+def band_of(problem: Problem, result: PlanResult) -> tuple[float, float, float] | None:
+    """Return the 5, 50 and 95 % quantiles of what a day with a plan earns; None where there is no plan."""
+    from planner.outlook import outlook
+    from planner.plan_result import PlanStatus
+
+    if result.status is not PlanStatus.PLANNED:
+        return None
+    said = outlook(problem, result.tree.plan, seed=result.seed)
+    low, middle, high = (said.quantile(p) for p in (0.05, 0.5, 0.95))
+    return low, middle, high
+
+
+def told_band(summary: Mapping[str, object]) -> str:
+    """Return what a day may earn by a plan's summary, in words; empty where it does not say so."""
+    low, middle, high = (summary.get(f"utility_p{p}") for p in ("05", "50", "95"))
+    if low is None or middle is None or high is None:  # no plan, or made before there were any
+        return ""
+    return f"90 % of days earn {low:.4g} to {high:.4g}, half at least {middle:.4g}"
 
 
 def finite(value: float | None) -> float | None:

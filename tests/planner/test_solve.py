@@ -345,6 +345,10 @@ def test_the_command_writes_plan_tree_and_summary(tmp_path: Path) -> None:
         "crl_sha256",
     ):
         assert key in summary
+    low, middle, high = (summary[f"utility_p{p}"] for p in ("05", "50", "95"))
+    assert low <= middle <= high
+    assert low < summary["expected_utility"] < high
+    assert f"90 % of days earn {low:.4g} to {high:.4g}, half at least {middle:.4g}" in done.output
     tree = json.loads((out / "plan_tree.json").read_text(encoding="utf-8"))
     assert tree["format"] == "plan-tree/1"
     assert parse((out / "plan.crl").read_text(encoding="utf-8")).name == "dev-reserve-4"

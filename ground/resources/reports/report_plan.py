@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import select
 
+from ground.day.plan_summary import told_band
 from ground.gdr.repository import Repository
 from ground.records.actor import Actor
 from ground.reports.page import failure_table, histogram, map_picture, number, page, safe, table, tree_drawing
@@ -171,6 +172,7 @@ def _figures(case: _Case) -> list[tuple[str, str]]:
         ("state", plan.state + (f", approved by {plan.approved_by}" if plan.approved_by else "")),
         ("made by", f"{plan.author}, {_when(plan.created_utc)}"),
         ("expected utility", f"{number(plan.expected_utility)}{error}, at most {number(plan.upper)}"),
+        ("utility of a day", told_band(plan.summary or {}) or "-"),
         ("branches", number(plan.branches).removesuffix(".0")),
         ("strategy", f"{plan.strategy}, seed {plan.seed}"),
         ("plan begins", start + (f", {_when(sol.start_utc)}" if sol.start_utc else "")),
