@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from planner.constraints.overrun import OverrunChance
 from planner.contingency.chance import keeps_to, plans_within
 from planner.contingency.long_routes import plan_long
-from planner.contingency.sampled_futures import Growth
+from planner.contingency.sampled.futures import Growth
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import Estimate, simulate
 from planner.plan_tree import Plan, count_branches

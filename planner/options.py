@@ -62,7 +62,7 @@ class PlannerOptions:
 
     search_s_per_target: NotNegative = 1.0
     """More of them for each target above 8. By hand: with 10 targets a longer search wins less than growing
-    options again (`raced_lines`)."""
+    options again (`sampled.raced_lines`)."""
 
     quick_search_s: Positive = 0.3
     """Processor seconds for a quick search beside its table: an answer within a second."""

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from planner.constraints.overrun import OverrunChance
-from planner.contingency.sampled_branches import Curve
+from planner.contingency.sampled.branches import Curve
 from planner.evaluate.grid import Grid
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import Estimate, simulate

@@ -3,7 +3,7 @@
 The policy of a table knows its amounts, so it cannot learn. One is made for the amounts of each kind, and one
 for their mean and deviation over the kinds; each proposes plans, with the branches that it would take. All
 are carried out in common futures, each of which draws its kind of sol. The best are polished and branched
-there (`sampled_branches`). A slow sol is slow in all its drives, so the futures that come late to a point are
+there (`sampled.branches`). A slow sol is slow in all its drives, so the futures that come late to a point are
 mostly those of slow sols: by their shares in time and energy, the conditions fitted to them are on the odds
 of each kind given the progress so far (Bayes), without a state for them.
 """
@@ -13,8 +13,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Set
 
 from planner.contingency.order_in_futures import MOST_ENUMERATED, Order, best_routes, line_of
-from planner.contingency.sampled_branches import Curve, better_by_branches, grow_branches
-from planner.contingency.sampled_futures import FITTED, Growth
+from planner.contingency.sampled.branches import Curve, better_by_branches, grow_branches
+from planner.contingency.sampled.futures import FITTED, Growth
 from planner.contingency.seeding import mean_seed
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import simulate

@@ -3,7 +3,7 @@
 The table of the optimal policy holds about ten observations; a long day among many targets makes more. A
 route on mean values with less than the whole budgets leaves room for what goes wrong; how much less, and
 which of its observations are better left out, is settled on common random numbers. Branches are grown from
-the best such route (`sampled_branches`).
+the best such route (`sampled.branches`).
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from itertools import chain, pairwise
 import numpy as np
 
 from planner.constraints.rule import MAX_BITS
-from planner.contingency.raced_lines import TRIES, raced
 from planner.contingency.reduction import mean_route_of, only
-from planner.contingency.sampled_branches import Curve
-from planner.contingency.sampled_futures import Growth
+from planner.contingency.sampled.branches import Curve
+from planner.contingency.sampled.futures import Growth
+from planner.contingency.sampled.raced_lines import TRIES, raced
 from planner.contingency.seeding import route_plan
 from planner.contingency.selection import makeable
 from planner.evaluate.model import Model

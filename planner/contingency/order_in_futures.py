@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
-from planner.contingency import sampled_futures
-from planner.contingency.sampled_futures import SURE
+from planner.contingency.sampled import futures as sampled_futures
+from planner.contingency.sampled.futures import SURE
 from planner.contingency.seeding import route_plan, routes_of
 from planner.evaluate.model import Floats, Model
 from planner.evaluate.monte_carlo import simulate

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from mission.errors import PluginError
 from mission.plugins import Registry
@@ -18,6 +18,9 @@ from planner.evaluate.model import Model
 from planner.options import PlannerOptions
 from planner.plan_tree import Plan
 from planner.progress import Watch
+
+if TYPE_CHECKING:
+    from planner.contingency.policy import Policy
 
 Curve = list[tuple[float, Plan]]
 """The best (value, plan) found with at most 0, 1, 2, ... branches."""
@@ -59,8 +62,8 @@ class Found:
     optimum: float | None = None
     done: float = 1.0
     """Share of the search that was done; 1 where it ended by itself."""
-    lines: tuple[Plan, ...] = ()
-    """Plans without branches that may be better to branch from than the first, the most promising first."""
+    policy: Policy | None = None
+    """The optimal policy that the plans were taken from, where it is known for every state."""
 
 
 class Strategy(Protocol):

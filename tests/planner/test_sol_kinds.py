@@ -17,8 +17,8 @@ from planner.amounts_of_sol import mixed, on_kind
 from planner.contingency.bounds import MARGIN, flow_bound, relaxed_bound, upper_bound
 from planner.contingency.policy import Moves, Policy
 from planner.contingency.priced_bound import priced_bound
-from planner.contingency.sampled_branches import grow_branches
-from planner.contingency.sampled_futures import Growth
+from planner.contingency.sampled.branches import grow_branches
+from planner.contingency.sampled.futures import Growth
 from planner.errors import PlannerError, ProblemError
 from planner.evaluate.grid import Grid
 from planner.evaluate.majorant import Majorant

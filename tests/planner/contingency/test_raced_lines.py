@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from planner.contingency import raced_lines
 from planner.contingency.long_routes import long_routes, plan_long, varied_routes
-from planner.contingency.raced_lines import raced
-from planner.contingency.sampled_branches import Curve, grow_branches
-from planner.contingency.sampled_futures import Growth, Sampler
+from planner.contingency.sampled import raced_lines
+from planner.contingency.sampled.branches import Curve, grow_branches
+from planner.contingency.sampled.futures import Growth, Sampler
+from planner.contingency.sampled.raced_lines import raced
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import Futures, simulate
 from planner.plan_edits import exchanged
@@ -59,8 +59,11 @@ class _Line:
         self.curve.append((LINES[self.name][self.branches], _plan(self.name, self.branches)))
         self.told(self.curve[-1][1], self.curve[-1][0])
 
-    def finish(self) -> None:
+    def finish(self) -> Curve:
+        while not self.ended and self.branches < 3:
+            self.grow()
         self.grown.append((self.name, -1))
+        return self.curve
 
 
 def _plan(name: str, branches: int = 0) -> Plan:
@@ -161,8 +164,8 @@ def test_options_grown_again_are_compared_in_futures_of_their_own(
         compared.append(seed)
         return simulate(model, plan, futures, seed=seed)
 
-    monkeypatch.setattr("planner.contingency.raced_lines.Sampler", samples)
-    monkeypatch.setattr("planner.contingency.raced_lines.simulate", simulates)
+    monkeypatch.setattr("planner.contingency.sampled.raced_lines.Sampler", samples)
+    monkeypatch.setattr("planner.contingency.sampled.raced_lines.simulate", simulates)
     once = raced(model, [plan], Growth(3, 1), tries=0)
     curve = raced(model, [plan], Growth(3, 1), tries=3)
     assert len(set(fitted)) >= 4

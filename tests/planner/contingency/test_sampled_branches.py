@@ -10,10 +10,10 @@ import pytest
 
 from planner.contingency.long_routes import long_routes, plan_long, widened
 from planner.contingency.reduction import live_sets_of
-from planner.contingency.sampled_branches import better_by_branches, grow_branches
-from planner.contingency.sampled_conditions import Arrivals, fitted_condition
-from planner.contingency.sampled_futures import SCANNED, Change, Growth, Sampler
-from planner.contingency.sampled_polish import Polisher, reordered
+from planner.contingency.sampled.branches import better_by_branches, grow_branches
+from planner.contingency.sampled.conditions import Arrivals, fitted_condition
+from planner.contingency.sampled.futures import SCANNED, Change, Growth, Sampler
+from planner.contingency.sampled.polish import Polisher, reordered
 from planner.evaluate.grid import Grid
 from planner.evaluate.model import MAX_BITS, Model
 from planner.evaluate.monte_carlo import resume, simulate

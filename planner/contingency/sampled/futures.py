@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.contingency.sampled_conditions import Arrivals
+from planner.contingency.sampled.conditions import Arrivals
 from planner.evaluate.model import Floats, Model, Truths
 from planner.evaluate.monte_carlo import Futures, resume, simulate
 from planner.evaluate.program import Program, compile_plan

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from planner.contingency.reduction import mean_routing
-from planner.contingency.sampled_conditions import Arrivals
-from planner.contingency.sampled_futures import Line, Sampler
+from planner.contingency.sampled.conditions import Arrivals
+from planner.contingency.sampled.futures import Line, Sampler
 from planner.contingency.seeding import route_steps
 from planner.evaluate.model import Model
 from planner.plan_edits import steps_at

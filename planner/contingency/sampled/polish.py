@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 
-from planner.contingency.sampled_conditions import fitted_condition
-from planner.contingency.sampled_futures import SCANNED, Change, Line, Sampler
+from planner.contingency.sampled.conditions import fitted_condition
+from planner.contingency.sampled.futures import SCANNED, Change, Line, Sampler
 from planner.plan_edits import lists_of, neutral_option, options_of, replace_option, steps_at, with_tail
 from planner.plan_tree import Branch, Navigate, Observe, OnFail, Option, Path, Plan, Step, TrackStart
 

@@ -15,9 +15,10 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import combinations
 
-from planner.contingency.sampled_branches import TOLERANCE, Curve, Growing, better_by_branches
-from planner.contingency.sampled_endings import Endings
-from planner.contingency.sampled_futures import FITTED, SCANNED, Growth, Sampler
+from planner.contingency.sampled.branches import TOLERANCE, Curve, Growing, better_by_branches
+from planner.contingency.sampled.endings import Endings
+from planner.contingency.sampled.futures import FITTED, SCANNED, Growth, Sampler
+from planner.contingency.sampled.promised_options import Promises
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import simulate
 from planner.plan_edits import exchanged, options_of, without_option
@@ -36,6 +37,17 @@ TRIES, TAKEN_OUT = 16, (2, 3, 4)
 """How often options are taken out of the best plan and grown again at most, and how many of them. By hand: on
 10 targets of seed 5349984 eight tries with two to five won 0.4 %, sixteen more 0.03 %."""
 
+PROMISED_BY = 0.95
+"""Share of the time up to which the best plan is changed where a table of the policy says how. By hand."""
+
+NEAR = 2e-3
+"""Share of its value by which a changed plan may fall behind the best one to be changed further: some changes
+win only together (record-to-record travel: Dueck 1993). By hand."""
+
+MORE, PATIENCE = 4, 2
+"""How many options more than allowed a promised one is grown to, of which those that win least are taken out,
+and how many promises in a row may win nothing before other changes are tried too. By hand."""
+
 JUDGED_FROM, BEHIND = 5, 0.01
 """Branches from which a line is given up when it is behind another with as many by so much of its value. By
 hand: from there on lines on 15 targets gained within 0.5 % of each other."""
@@ -50,6 +62,10 @@ CLOSER, OTHERS = 4, 101
 further kind of futures adds to the seed. By hand: on 15 targets of seed 758923 they won 0.28 % with two
 branches more, twice as many 0.09 % with one."""
 
+AT_RACE, AT_LAST, AT_EXCHANGES = 1001, 1002, 1003
+"""Kinds of futures in which lines are compared, the best is grown further, and exchanges are valued; those of
+changes are below."""
+
 
 def raced(
     model: Model,
@@ -61,17 +77,19 @@ def raced(
     told: Callable[[Plan, float], None] = lambda plan, value: None,
     kept: Sequence[int] = KEPT,
     tries: int = TRIES,
+    promises: Promises | None = None,
 ) -> Curve:
     """Return the best plans with at most 0, 1, 2, ... branches of several lines; none without a beginning.
 
     All are grown on the futures that they share (`limits.seed`), so many lines to each number of branches as
     `kept` says (further ones as its last). With `tries` options are then taken out of the best plan and grown
-    again on other futures, every second time with two targets in each other's place; what wins is kept. Then
-    it is grown further on more futures, which tell what wins little; values are of yet other futures. Where
-    time is short the first beginning is grown alone: `used` tells the share of it that is used up. Plans that
-    have branches already are begun with as they are.
+    again on other futures, every second time with two targets in each other's place; what wins is kept. With
+    `promises` one of them is grown in between, to some options more than allowed, of which those that win
+    least are then taken out. At last the best is grown further on more futures, which tell what wins little;
+    values are of yet other futures. Where time is short the first beginning is grown alone: `used` tells the
+    share of it that is used up. Plans that have branches already are begun with as they are.
     """
-    race = _Race(model, limits.seed + (TRIES + 1) * OTHERS, kept, used, told)
+    race = _Race(model, limits.seed + AT_RACE * OTHERS, kept, used, told)
     sampler, endings = Sampler(model, limits, should_stop), Endings(model)
     for plan in beginnings:
         if race.lines and (sampler.over() or used() > BEGUN_BY):
@@ -86,38 +104,85 @@ def raced(
             if line.branches <= branches and not line.ended and not late:
                 line.grow()
     if going:
-        _to_its_end(max(going, key=lambda line: race.worth(line.curve[-1][1])))
+        max(going, key=lambda line: race.worth(line.curve[-1][1])).finish()
     curve = better_by_branches(*(line.curve for line in race.lines))
     if not tries or not curve or limits.iterations is not None:
         return curve
     curves = [curve]
-    draw = random.Random(limits.seed)
-    exchanges = _Exchanges(model, limits.seed + (TRIES + 3) * OTHERS, sampler.over)
-    for k in range(1, tries + 1):
-        plan = race.best_of(curves)[-1][1]
-        if sampler.over() or used() > REGROWN_BY:
+    regrown = _Regrown(model, limits, endings, should_stop, promises)
+    plan = best = curve[-1][1]
+    for _ in range(tries):
+        if sampler.over() or used() > (REGROWN_BY if promises is None else PROMISED_BY):
             break
-        other = exchanges.best(plan) if k % 2 else None
-        if other is None and count_branches(plan) < TAKEN_OUT[0]:
-            break
-        again = Sampler(model, replace(limits, seed=limits.seed + k * OTHERS), should_stop)
-        begun = _without_some(plan if other is None else other, draw)
-        curves.append(_to_its_end(Growing(again, endings, begun, least=TOLERANCE)))
-    plan = race.best_of(curves)[-1][1]
-    if count_branches(plan) < limits.max_branches and not sampler.over():
-        last = replace(limits, seed=limits.seed + (TRIES + 2) * OTHERS)
+        curve = regrown.next(plan, best)
+        curves.append(curve)
+        plan = best = race.best_of(curves)[-1][1]
+        if promises is not None and curve and race.worth(curve[-1][1]) >= (1.0 - NEAR) * race.worth(best):
+            plan = curve[-1][1]
+    if count_branches(best) < limits.max_branches and not sampler.over():
+        last = replace(limits, seed=limits.seed + AT_LAST * OTHERS)
         closer = Sampler(model, last, should_stop, fitted=CLOSER * FITTED)
-        curves.append(_to_its_end(Growing(closer, endings, plan)))
+        curves.append(Growing(closer, endings, best).finish())
     found = race.best_of(curves)
     told(found[-1][1], found[-1][0])
     return found
 
 
-def _to_its_end(line: Growing) -> Curve:
-    while not line.ended:
-        line.grow()
-    line.finish()
-    return line.curve
+class _Regrown:
+    """Plans that come of another one by a change, grown each time on other futures."""
+
+    def __init__(
+        self,
+        model: Model,
+        limits: Growth,
+        endings: Endings,
+        should_stop: Callable[[], bool],
+        promises: Promises | None,
+    ) -> None:
+        self.model, self.limits, self.endings, self.should_stop = model, limits, endings, should_stop
+        self.promises, self.draw = promises, random.Random(limits.seed)
+        self.exchanges = _Exchanges(model, limits.seed + AT_EXCHANGES * OTHERS, should_stop)
+        self.tries = self.others = self.in_vain = 0
+        self.best: Plan = ()
+
+    def next(self, plan: Plan, best: Plan) -> Curve:
+        """Return plans that come of a plan by the next change; none where nothing can be changed.
+
+        Options that the optimal policy promises much of come first. When some in a row have won nothing,
+        every second change is another one: two targets exchanged, or some options taken out, in turn.
+        """
+        self.tries += 1
+        self.in_vain = self.in_vain + 1 if best == self.best else 0
+        self.best = best
+        if self.promises is not None and (self.in_vain < PATIENCE or self.in_vain % 2):
+            made = self.promises.next(plan)
+            if made is not None:
+                return self._grown(made, MORE)
+        self.others += 1
+        other = self.exchanges.best(plan) if self.others % 2 else None
+        if other is None and count_branches(plan) < TAKEN_OUT[0]:
+            return []
+        return self._grown(_without_some(plan if other is None else other, self.draw), 0)
+
+    def _grown(self, begun: Plan, more: int) -> Curve:
+        """Return the best plans with few enough options, of those grown to some more."""
+        most = self.limits.max_branches
+        seed = self.limits.seed + self.tries * OTHERS
+        limits = replace(self.limits, seed=seed, max_branches=most + more)
+        sampler = Sampler(self.model, limits, self.should_stop)
+        curve = Growing(sampler, self.endings, begun, least=TOLERANCE).finish()
+        few, last = curve[: most + 1], curve[-1][1]
+        if count_branches(last) <= most:
+            return few
+
+        def worth(plan: Plan) -> float:
+            return float(simulate(self.model, plan, FITTED, seed=limits.seed).utility.mean())
+
+        while count_branches(last) > most and not sampler.over():
+            last = max((without_option(last, path) for path, _ in options_of(last)), key=worth)
+        if count_branches(last) > most:
+            return few
+        return better_by_branches(few, [*few[:-1], (worth(last), last)])
 
 
 def _without_some(plan: Plan, draw: random.Random) -> Plan:

@@ -1,9 +1,9 @@
 """Branches for plans that no table of the optimal policy reaches: grown and polished on common futures.
 
-What an ending wins is known future by future (`sampled_futures`), and the condition for it follows from the
-times, energies and tracks with which futures come to the point (`sampled_conditions`). Endings come from the
-plan itself and from the exact routing engine (`sampled_endings`). After each option the lists are polished
-(`sampled_polish`). This is policy improvement by rollouts (Bertsekas, Tsitsiklis and Wu 1997) over plans
+What an ending wins is known future by future (`futures`), and the condition for it follows from the
+times, energies and tracks with which futures come to the point (`conditions`). Endings come from the
+plan itself and from the exact routing engine (`endings`). After each option the lists are polished
+(`polish`). This is policy improvement by rollouts (Bertsekas, Tsitsiklis and Wu 1997) over plans
 instead of actions.
 """
 
@@ -15,10 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.contingency.sampled_conditions import fitted_condition
-from planner.contingency.sampled_endings import Endings
-from planner.contingency.sampled_futures import FITTED, SCANNED, Change, Growth, Line, Sampler
-from planner.contingency.sampled_polish import Polisher
+from planner.contingency.sampled.conditions import fitted_condition
+from planner.contingency.sampled.endings import Endings
+from planner.contingency.sampled.futures import FITTED, SCANNED, Change, Growth, Line, Sampler
+from planner.contingency.sampled.polish import Polisher
 from planner.evaluate.model import Model
 from planner.plan_edits import lists_of, put_option, steps_at, without_unused_tracks
 from planner.plan_tree import Branch, Navigate, Observe, Option, Path, Plan, count_branches
@@ -191,9 +191,12 @@ class Growing:
         self._keep(self._polisher.polished(line))
         self.ended = self.curve[-1][0] - before < self.least * abs(before)
 
-    def finish(self) -> None:
-        """Polish the plan thoroughly."""
+    def finish(self) -> Curve:
+        """Grow the plan to its end, polish it thoroughly, and return its curve."""
+        while not self.ended:
+            self.grow()
         self._keep(self._polisher.polished(self.sampler.line(self.plan), thoroughly=True))
+        return self.curve
 
 
 def grow_branches(
@@ -210,8 +213,4 @@ def grow_branches(
     Values are means over the `fitted` futures that the plans were fitted on: they favour the plans and must
     be checked on others.
     """
-    growing = Growing(Sampler(model, limits, should_stop, fitted=fitted), Endings(model), plan, told)
-    while not growing.ended:
-        growing.grow()
-    growing.finish()
-    return growing.curve
+    return Growing(Sampler(model, limits, should_stop, fitted=fitted), Endings(model), plan, told).finish()
