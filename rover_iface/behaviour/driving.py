@@ -166,6 +166,8 @@ class Driving:
             nearest_m = min(nearest_m, left)
             stalled = progress.stalled(left)
             shut_out = left > SHUT_OUT_M and (stalled or (progress.waited >= SOON and self._closed(stood)))
+            if stood and progress.waited and left > SHUT_OUT_M:
+                yield from self.stands.note(stood)
             if stood and shut_out and (yield from self._stand_elsewhere(stood)):
                 progress, nearest_m = _patience(), math.inf
                 continue

@@ -112,6 +112,18 @@ def test_a_stand_that_is_free_is_kept() -> None:
     assert driving.stands.of("T1") == PLANNED
 
 
+def test_a_stand_that_no_way_round_a_ledge_leads_to_is_exchanged_for_one_before_the_ledge() -> None:
+    """It is open ground; the rover goes along the ledge until it has lost patience, far from its target."""
+    ground = Ground(lambda x, y: np.where(np.abs(x - TARGET[0]) < 0.15, 0.3, 0.0))
+    behind = Pose(5.0, 0.0, heading=math.pi)
+    target = ground.follower.targets["T1"]
+    target.observation_point, target.normal = behind, (0.0, 0.0, 1.0)
+    outcome, driving = driven(ground)
+    assert outcome.success, outcome.reason
+    assert ground.believed.x < TARGET[0]
+    assert driving.stands.of("T1") != behind
+
+
 def test_without_another_stand_the_drive_says_how_near_it_came(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rover_iface.behaviour.stands.stands_near", lambda *_: [])
     outcome, _ = driven(Ground(on_the_stand))
