@@ -87,6 +87,9 @@ LEFT_TO_WIN = 0.005
 """Share of the optimal policy's value, on the grid of the search, by which its plan may lie below; else it is
 grown further on sampled futures. By hand: ten times what `PlannerOptions.tolerance` says of that grid."""
 
+PROMISES = 2
+"""Lines that are grown then beside the plan that the search ended with, the most promising first. By hand."""
+
 PROMISED_TRIES = 64
 """How often a plan is changed and grown again where a table of the policy says how: until time is over."""
 
@@ -286,7 +289,7 @@ def grown_further(order: Order, model: Model, found: Found) -> Found:
         return found
     limits = Growth(order.max_branches, order.seed + 7)
     few = len(order.problem.targets) <= MANY_TARGETS
-    begun = (found.curve[0][1], found.curve[-1][1]) if few else (found.curve[-1][1],)
+    begun = (found.curve[0][1],) if few else found.lines[:PROMISES]
     share = LONG_SHARE if few else TABLED_SHARE
     since_s, until_s = watch.work_s(), share * watch.limit_s
 
@@ -299,7 +302,7 @@ def grown_further(order: Order, model: Model, found: Found) -> Found:
     promises = None if few or policy is None else Promises(policy, stopped)
     more = raced(
         model,
-        filter(None, dict.fromkeys(begun)),
+        filter(None, dict.fromkeys((*begun, found.curve[-1][1]))),
         limits,
         used=used,
         should_stop=stopped,

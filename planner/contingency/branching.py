@@ -45,6 +45,8 @@ class Search:
     iterations: int = 0
     done: float = 1.0
     """Share of the passes that were carried out to their end; 1 where nothing more was to be won."""
+    lines: tuple[Plan, ...] = ()
+    """Unbranched plans that were looked at, those first that promise most with branches."""
 
     def best(self, branches: int) -> tuple[float, Plan]:
         return self.curve[min(branches, len(self.curve) - 1)]
@@ -147,6 +149,7 @@ def plan_optimal(
         best.note(lines[-1])
     lines.sort(key=lambda p: -p.value)
     likely = [settler.reflag(ValuedPlan(fitter.tails, plan)) for plan in paths]
+    promising = sorted((p for p in lines + likely if not p.branches), key=lambda p: -grower.promise(p))
     lines = lines[: limits.main_lines] + likely
     optimum = policy.best()
     enough = limits.enough * max(abs(optimum), 1e-9)
@@ -158,4 +161,4 @@ def plan_optimal(
         passed += not fitter.over()
     won = not lines or optimum - best.curve[-1][0] <= enough
     done = 1.0 if won else passed / len(PASSES)
-    return Search(policy, optimum, best.curve, fitter.iterations, done)
+    return Search(policy, optimum, best.curve, fitter.iterations, done, tuple(p.plan for p in promising))

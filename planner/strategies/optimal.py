@@ -49,7 +49,7 @@ def search(task: Task) -> Found:
     )
     if not policy.complete:
         return Found(found.curve, None, 0.0)
-    return Found(found.curve, found.optimum, found.done, policy)
+    return Found(found.curve, found.optimum, found.done, found.lines, policy)
 
 
 def routes_cut_short(task: Task) -> tuple[Plan, ...]:

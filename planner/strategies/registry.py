@@ -62,6 +62,8 @@ class Found:
     optimum: float | None = None
     done: float = 1.0
     """Share of the search that was done; 1 where it ended by itself."""
+    lines: tuple[Plan, ...] = ()
+    """Plans without branches that may be better to branch from than the first, the most promising first."""
     policy: Policy | None = None
     """The optimal policy that the plans were taken from, where it is known for every state."""
 
