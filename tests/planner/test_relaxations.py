@@ -317,6 +317,18 @@ def test_the_third_factor_is_where_a_line_through_two_leads_ends() -> None:
     )  # a line that does not fall tells nothing
 
 
+def test_a_budget_that_none_exceeds_with_the_other_as_it_is_counts_where_the_other_is_larger() -> None:
+    """With 2.6 times the time the energy of today is too little, and what it puts behind is the better."""
+    problem = drawn(896_009_217, 4, [5, 6])
+    question, how, at = Question(problem, problem.observations[5], [()]), Widened(BOTH), 386
+    wide = question.orders.in_windows(question.windows(at))
+    here, better = (4, 5, 2, 1, 3), (4, 5, 2, 3, 1)
+    wide.look_at([here])
+    wide.climb(how, at, holds=True)
+    assert better in wide
+    assert wide.worth(better, how, at) > wide.worth(here, how, at)
+
+
 def test_orders_that_all_seem_behind_are_all_valued() -> None:
     behind = {(0, 1): {188: 0.02}, (1, 0): {177: 0.03}, (2,): {181: 0.0001}}
     assert _that_may_lead([(0, 1), (1, 0)], behind, 182) == [(0, 1), (1, 0)]

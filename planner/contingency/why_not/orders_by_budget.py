@@ -149,7 +149,8 @@ class OrdersByBudget:
         self._curves = np.empty((BEGUN, 6, len(self.factors)), np.float32)
         self._held = np.empty(BEGUN, np.bool_)
         self._needs = np.empty(BEGUN)
-        self._ample = [True, True]  # whether no order exceeds the budget of TIME, of ENERGY
+        self._ample = [True, True]  # whether no order exceeds the budget of TIME, of ENERGY, as it is
+        self._as_both = np.ones((2, len(self.factors)), np.bool_)  # whether TIME, ENERGY does what BOTH do
 
     def in_windows(self, windows: Floats) -> OrdersByBudget:
         """Return no orders yet, in the same futures with other windows of the observations, [m, 2]."""
@@ -206,6 +207,7 @@ class OrdersByBudget:
         fresh = self._curves[first : len(self._orders)]
         for k in (TIME, ENERGY):
             self._ample[k] = self._ample[k] and np.array_equal(fresh[:, k, -1], fresh[:, k, 0])
+            self._as_both[k] &= (fresh[:, k] == fresh[:, BOTH]).all(axis=0)
 
     def volume(self, order: Order) -> float:
         """Return the factor on the downlink volume that an order needs."""
@@ -345,14 +347,14 @@ class OrdersByBudget:
     def _told_by(self, how: Widened, at: int) -> tuple[int, int]:
         """Return the row and column of the curves that are searched by; a budget that no order exceeds is
         taken as it is.
+
+        One that none exceeds as the other is may be exceeded where the other is larger.
         """
         row, column = how.row or TIME, how.column(at)
-        ample_s, ample_j = self._ample
-        if (row == TIME and ample_s) or (row == ENERGY and ample_j):
-            return TIME, 0
-        if row == BOTH and (ample_s or ample_j):
-            return (ENERGY if ample_s else TIME), column
-        return row, column
+        if row != BOTH:
+            return (TIME, 0) if self._ample[row] else (row, column)
+        like = [k for k in (ENERGY, TIME) if self._as_both[k, column]]
+        return (like[0] if like else BOTH), column
 
     def near_a_lead(self, how: Widened) -> bool:
         """Return whether the best order with the observation is not far behind everywhere."""
