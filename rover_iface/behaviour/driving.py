@@ -21,8 +21,8 @@ from rover_iface.frames import Pose, wrap_angle
 from rover_iface.navigation.navigator import Navigator, Progress, Way
 from rover_iface.telemetry import TrackState
 
-STUCK = "wheel stuck"
-"""What is told of a drive that a wheel stopped."""
+STUCK, HAZARD = "wheel stuck", "hazard"
+"""What is told of a drive that a wheel stopped, and how it begins of one that touched something."""
 NEAR_M = 1.2
 ARRIVED_M, SHUT_OUT_M = 0.35, 1.0
 """Distance from the goal at which a rover that is led off again, or after many looks gets no nearer, has
@@ -204,6 +204,8 @@ class Driving:
             self.hardware.report()
         if not reason and heading is not None:
             reason = yield from self._turn_to(heading, looks_at_targets=mode == "track")
+            if name and reason.startswith(HAZARD):
+                reason = ""  # beside a target the arm says if it reaches, and what move would help
         self.follower.set_ranges()
         self.follower.write_views(command)
         self._write_products(command, goal)
@@ -251,11 +253,11 @@ class Driving:
     def _advance(self, way: Way, left_m: float) -> Generator[Step, None, str]:
         """Drive one way; what it touches in the last metre (mostly what it came to) it backs off."""
         trouble = yield from self._go(way)
-        if trouble.startswith("hazard") and left_m <= NEAR_M and self._retreats < RETREATS:
+        if trouble.startswith(HAZARD) and left_m <= NEAR_M and self._retreats < RETREATS:
             self._retreats += 1
             for _ in range(TRIES):
                 trouble = yield from self._go(Way(0.0, 0.0, -RETREAT_M))
-                if not trouble.startswith("hazard"):
+                if not trouble.startswith(HAZARD):
                     break
         return trouble
 
@@ -265,7 +267,7 @@ class Driving:
             self._trail.append(self.hardware.believed)
         driven = yield from self.hardware.drive(way)
         if driven.hazard:
-            return f"hazard: {driven.hazard}"
+            return f"{HAZARD}: {driven.hazard}"
         return STUCK if driven.stuck else ""
 
     def _straight(self, goal: tuple[float, float], left: float) -> Way:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from executive.ports import Command, CommandId
-from rover_iface.behaviour.action import Outcome, Step
+from rover_iface.behaviour.action import Action, Outcome, Step
 from rover_iface.behaviour.driving import ARRIVED_M, Driving
 from rover_iface.behaviour.hardware import Drive
 from rover_iface.frames import Pose
@@ -85,13 +85,17 @@ def on_the_stand(x: Any, y: Any) -> Any:
 def driven(ground: Ground) -> tuple[Outcome, Driving]:
     hardware: Any = ground
     driving = Driving(hardware, hardware, ground.follower)
-    action = driving.navigate(COMMAND)
+    return ended(driving.navigate(COMMAND)), driving
+
+
+def ended(action: Action) -> Outcome:
+    """Return what an action comes to."""
     while True:
         try:
             next(action)
         except StopIteration as stop:
             outcome: Outcome = stop.value
-            return outcome, driving
+            return outcome
 
 
 def test_a_stand_on_a_rock_that_no_map_showed_is_exchanged_for_another() -> None:
@@ -122,6 +126,38 @@ def test_a_stand_that_no_way_round_a_ledge_leads_to_is_exchanged_for_one_before_
     assert outcome.success, outcome.reason
     assert ground.believed.x < TARGET[0]
     assert driving.stands.of("T1") != behind
+
+
+class Wedged(Ground):
+    """A rover that touches a rock whenever it turns on its stand, and whenever it backs off there."""
+
+    def drive(self, way: Way) -> Generator[Step, None, Drive]:
+        on_it = math.hypot(PLANNED.x - self.believed.x, PLANNED.y - self.believed.y) <= ARRIVED_M
+        if on_it and (way.length_m < 0.0 or (way.length_m == 0.0 and abs(way.turn_rad) > 0.2)):
+            yield Step(1, 0.0)
+            return Drive(hazard="belly")
+        return (yield from super().drive(way))
+
+
+def _wedged(turned_rad: float) -> Ground:
+    ground = Wedged(lambda x, y: rock(x, y, (4.0, 0.0), 0.2))
+    target = ground.follower.targets["T1"]
+    target.observation_point = Pose(PLANNED.x, PLANNED.y, heading=turned_rad)
+    return ground
+
+
+def test_a_touch_in_the_last_turn_to_a_target_leaves_the_rest_to_the_arm() -> None:
+    """One ended 0.6 m from its goal, and no move for the arm was looked for."""
+    outcome, _ = driven(_wedged(0.6))
+    assert outcome.success, outcome.reason
+
+
+def test_a_touch_in_the_last_turn_of_a_drive_to_a_place_fails_it() -> None:
+    ground = _wedged(0.6)
+    hardware: Any = ground
+    place = {"x": PLANNED.x, "y": PLANNED.y, "heading": 0.6, "mode": "avoid"}
+    command = Command(CommandId("run", "navigate", 1), "navigate", place, {})
+    assert ended(Driving(hardware, hardware, ground.follower).navigate(command)).reason == "hazard: belly"
 
 
 def test_without_another_stand_the_drive_says_how_near_it_came(monkeypatch: pytest.MonkeyPatch) -> None:
