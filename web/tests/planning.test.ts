@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { phaseWords, reasonsOf } from "../src/lib/planning";
+import { bandOf, phaseWords, reasonsOf } from "../src/lib/planning";
 
 describe("words about a search for a plan", () => {
   it("tells the phase without figures, which stand beside the plan that is drawn", () => {
@@ -18,5 +18,16 @@ describe("words about a search for a plan", () => {
     ]);
     expect(reasonsOf({})).toEqual([]);
     expect(reasonsOf({ reasons: "text" })).toEqual([]);
+  });
+});
+
+describe("what a day may earn", () => {
+  it("is read from the summary of a plan", () => {
+    expect(bandOf({ utility_p05: -3, utility_p50: 20.5, utility_p95: 31 })).toEqual([-3, 20.5, 31]);
+  });
+
+  it("is not known without a plan, or of one made before it was told", () => {
+    expect(bandOf({ utility_p05: null, utility_p50: null, utility_p95: null })).toBeNull();
+    expect(bandOf({})).toBeNull();
   });
 });

@@ -18,6 +18,15 @@ export function phaseWords(message: string): string {
   return PHASES[phase] ?? (message === "" ? "Planning" : message);
 }
 
+/** What a day earns with a plan in 5, 50 and 95 % of its futures, every success drawn. */
+export type Band = readonly [number, number, number];
+
+/** The band of a plan's summary; null where it has none: no plan, or one made before there were any. */
+export function bandOf(summary: Readonly<Record<string, unknown>>): Band | null {
+  const [low, middle, high] = [summary.utility_p05, summary.utility_p50, summary.utility_p95];
+  return typeof low === "number" && typeof middle === "number" && typeof high === "number" ? [low, middle, high] : null;
+}
+
 /** The reasons in a planner's summary, as sentences; empty where it gives none. */
 export function reasonsOf(summary: Readonly<Record<string, unknown>>): string[] {
   const given: readonly unknown[] = Array.isArray(summary.reasons) ? summary.reasons : [];

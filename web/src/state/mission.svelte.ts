@@ -35,7 +35,7 @@ import { inUnits, words } from "../lib/format";
 import { liveRunsOf } from "../lib/live";
 import { type Leg, type Line, legsOf, linesOf, type PlanTree, reachOf, type Step } from "../lib/plan-tree";
 import type { Marks, Names } from "../lib/plan-versions";
-import { reasonsOf } from "../lib/planning";
+import { bandOf, reasonsOf, type Band } from "../lib/planning";
 import type { Selection } from "../lib/route";
 import { app } from "./app.svelte";
 import { PresenceState } from "./presence.svelte";
@@ -152,6 +152,7 @@ export class MissionState {
   findings = $state.raw<Finding[]>([]);
   /** What the planner says of the open plan: why it is empty, or has no branches. */
   reasons = $state.raw<readonly string[]>([]);
+  band = $state.raw<Band | null>(null);
   planError = $state<string | null>(null);
   /** The text of a plan as it is being edited; kept while other sheets are open. */
   edit = $state.raw<{ plan: string; text: string } | null>(null);
@@ -468,6 +469,7 @@ export class MissionState {
       this.crl = null;
       this.findings = [];
       this.reasons = [];
+      this.band = null;
       this.planLoaded = "";
       if (plan !== null) this.watchDraft(plan.id);
       return;
@@ -490,6 +492,7 @@ export class MissionState {
       this.crlOf = plan.id;
       this.findings = findings;
       this.reasons = reasonsOf(summary);
+      this.band = bandOf(summary);
     } catch (error) {
       this.planLoaded = "";
       this.tree = null;
