@@ -190,11 +190,11 @@ class _Regrown:
 
 
 def _without_some(plan: Plan, draw: random.Random) -> Plan:
-    """Return a plan without some of its options, and without those that they hold."""
-    for _ in range(draw.choice(TAKEN_OUT)):
-        paths = [path for path, _ in options_of(plan)]
-        if paths:
-            plan = without_option(plan, draw.choice(paths))
+    """Return a plan without some of its options, those counted that others hold."""
+    left = max(0, count_branches(plan) - draw.choice(TAKEN_OUT))
+    while count_branches(plan) > left:
+        fewer = (without_option(plan, path) for path, _ in options_of(plan))
+        plan = draw.choice([made for made in fewer if count_branches(made) >= left])
     return plan
 
 

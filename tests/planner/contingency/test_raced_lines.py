@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from collections.abc import Callable, Iterable
 from itertools import combinations
 from types import SimpleNamespace
@@ -17,7 +18,7 @@ from planner.contingency.sampled.raced_lines import raced
 from planner.evaluate.model import Model
 from planner.evaluate.monte_carlo import Futures, simulate
 from planner.plan_edits import exchanged
-from planner.plan_tree import Observe, Plan, count_branches
+from planner.plan_tree import Branch, Comparison, Observe, Option, Plan, TimeCondition, count_branches
 from planner.problem import ObservationId, TargetId
 from tests.planner.contingency.test_sampled_branches import _many
 
@@ -235,3 +236,15 @@ def test_no_exchange_is_tried_that_is_far_behind() -> None:
         / simulate(model, plan, 1_024, seed=7).utility.mean()
     )
     assert (exchanges.best(plan) is None) == (lag > raced_lines.FAR_BEHIND)
+
+
+def test_no_more_options_are_taken_out_than_drawn_with_those_that_they_hold() -> None:
+    draw = random.Random(3)
+    stop = Option((TimeCondition(Comparison.GE, 9.0),), ())
+    inner = Option((TimeCondition(Comparison.GE, 5.0),), (Branch((stop, stop)), *_plan("late")))
+    plan: Plan = (Branch((inner,)), *_plan("first"), Branch((stop,)), *_plan("poor"), Branch((inner,)))
+    assert count_branches(plan) == 7
+    left = {count_branches(raced_lines._without_some(plan, draw)) for _ in range(60)}
+    assert left == {7 - out for out in raced_lines.TAKEN_OUT}
+    assert raced_lines._without_some((Branch((stop,)),), draw) == ()
+    assert raced_lines._without_some(_plan("first"), draw) == _plan("first")
