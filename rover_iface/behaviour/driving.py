@@ -203,9 +203,7 @@ class Driving:
             self.follower.set_ranges()
             self.hardware.report()
         if not reason and heading is not None:
-            reason = yield from self._turn_to(heading, looks_at_targets=mode == "track")
-            if name and reason.startswith(HAZARD):
-                reason = ""  # beside a target the arm says if it reaches, and what move would help
+            reason = yield from self._turn_to(heading, name, looks_at_targets=mode == "track")
         self.follower.set_ranges()
         self.follower.write_views(command)
         self._write_products(command, goal)
@@ -217,15 +215,19 @@ class Driving:
         }
         return Outcome(not reason, reason, values)
 
-    def _turn_to(self, heading: float, *, looks_at_targets: bool) -> Generator[Step, None, str]:
-        """Turn in place to a heading, rad; return why it went wrong, or an empty string."""
+    def _turn_to(self, heading: float, name: str, *, looks_at_targets: bool) -> Generator[Step, None, str]:
+        """Turn in place to a heading, rad; return why it went wrong, or an empty string.
+
+        A touch ends no drive to a target, if it is named: there the arm says if it reaches, and what move
+        would help.
+        """
         angle = wrap_angle(heading - self.hardware.believed.heading)
         if abs(angle) <= math.radians(3):
             return ""
         trouble = yield from self._advance(Way(angle, 0.0, 0.0), 0.0)
         if not trouble and looks_at_targets:
             yield from self.follower.update_all()
-        return trouble
+        return "" if name and trouble.startswith(HAZARD) else trouble
 
     def _closed(self, name: str) -> bool:
         """Return whether the ground seen by now forbids the stand of a target, if it is named."""
