@@ -282,10 +282,11 @@ def grown_further(order: Order, model: Model, found: Found) -> Found:
     """
     watch = order.watch
     counted = order.quick or order.iterations is not None or order.strategy != "optimal"
-    if counted or order.must or len(model.sols.chance) or not found.curve or found.optimum is None:
+    policy, optimum = found.policy, found.optimum
+    if counted or order.must or len(model.sols.chance) or not found.curve or optimum is None:
         return found
-    policy, found = found.policy, dataclasses.replace(found, policy=None)  # bounds need its memory
-    if order.max_branches == 0 or found.curve[-1][0] >= (1.0 - LEFT_TO_WIN) * found.optimum:
+    found = dataclasses.replace(found, policy=None)  # bounds need its memory
+    if order.max_branches == 0 or found.curve[-1][0] >= (1.0 - LEFT_TO_WIN) * optimum:
         return found
     limits = Growth(order.max_branches, order.seed + 7)
     few = len(order.problem.targets) <= MANY_TARGETS
