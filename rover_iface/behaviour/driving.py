@@ -225,9 +225,11 @@ class Driving:
         if abs(angle) <= math.radians(3):
             return ""
         trouble = yield from self._advance(Way(angle, 0.0, 0.0), 0.0)
+        if name and trouble.startswith(HAZARD):
+            trouble = ""
         if not trouble and looks_at_targets:
             yield from self.follower.update_all()
-        return "" if name and trouble.startswith(HAZARD) else trouble
+        return trouble
 
     def _closed(self, name: str) -> bool:
         """Return whether the ground seen by now forbids the stand of a target, if it is named."""

@@ -152,6 +152,21 @@ def test_a_touch_in_the_last_turn_to_a_target_leaves_the_rest_to_the_arm() -> No
     assert outcome.success, outcome.reason
 
 
+def test_after_a_touch_in_the_last_turn_the_targets_are_looked_at() -> None:
+    """The rover has turned a part of it, or backed off."""
+    ground, looks = _wedged(0.6), []
+
+    def look() -> Generator[Step, None, None]:
+        looks.append(ground.believed)
+        yield Step(1, 0.0)
+
+    ground.believed, ground.follower.update_all = PLANNED, look
+    hardware: Any = ground
+    turn = Driving(hardware, hardware, ground.follower)._turn_to(0.6, "T1", looks_at_targets=True)
+    assert list(turn)
+    assert looks == [PLANNED]
+
+
 def test_a_touch_in_the_last_turn_of_a_drive_to_a_place_fails_it() -> None:
     ground = _wedged(0.6)
     hardware: Any = ground
