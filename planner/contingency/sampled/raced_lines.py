@@ -180,13 +180,17 @@ class _Regrown:
             return few
 
         def worth(plan: Plan) -> float:
-            return float(simulate(self.model, plan, FITTED, seed=limits.seed).utility.mean())
+            return _earned(self.model, plan, FITTED, limits.seed)
 
         while count_branches(last) > most and not sampler.over():
             last = max((without_option(last, path) for path, _ in options_of(last)), key=worth)
         if count_branches(last) > most:
             return few
         return better_by_branches(few, [*few[:-1], (worth(last), last)])
+
+
+def _earned(model: Model, plan: Plan, futures: int, seed: int) -> float:
+    return simulate(model, plan, futures, seed=seed).estimate().mean
 
 
 def _without_some(plan: Plan, draw: random.Random) -> Plan:
@@ -225,7 +229,7 @@ class _Exchanges:
         return best
 
     def _worth(self, plan: Plan) -> float:
-        return float(simulate(self.model, plan, SCANNED, seed=self.seed).utility.mean())
+        return _earned(self.model, plan, SCANNED, self.seed)
 
 
 class _Race:
@@ -250,8 +254,7 @@ class _Race:
     def worth(self, plan: Plan) -> float:
         """Return what a plan earns in those futures."""
         if plan not in self._known:
-            found = simulate(self.model, plan, CLOSER * FITTED, seed=self.seed) if plan else None
-            self._known[plan] = found.estimate().mean if found is not None else 0.0
+            self._known[plan] = _earned(self.model, plan, CLOSER * FITTED, self.seed) if plan else 0.0
         return self._known[plan]
 
     def best_of(self, curves: list[Curve]) -> Curve:
