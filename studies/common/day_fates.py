@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -65,9 +66,11 @@ def fates(
     found = []
     for target in targets:
         request = f"R{target.removeprefix('T')}"
-        seen = [r for r in history if r.target == target]
-        what, why, off_m = "tracked", "", seen[-1].error_m if seen else None
         drive, placing = told.get(f"navigate-{target}"), told.get(f"observe-{request}")
+        # what is told of it on later drives is of other stops
+        left_s = _left_s(ends, f"navigate-{target}", "" if placing is None else f"observe-{request}")
+        seen = [r for r in history if r.target == target and r.t_s <= left_s]
+        what, why, off_m = "tracked", "", seen[-1].error_m if seen else None
         lost = next((r for r in reversed(seen) if r.reasons), None)
         if target in refused:
             what, why = "not in the plan", refused[target]
@@ -87,7 +90,7 @@ def fates(
         elif seen and seen[-1].state != "tracked":
             what, why = "lost before its drive", "; ".join(lost.reasons) if lost else ""
         else:
-            what, why = "drive not begun", ends[f"navigate-{target}"]
+            what, why = "drive not begun", ends[f"navigate-{target}"].how
         found.append(Fate(target, what, why, seen[-1].range_m if seen else None, off_m))
     return found
 
@@ -121,15 +124,31 @@ def not_begun(out: Path, history: Sequence[TrackRecord]) -> list[str]:
     return found
 
 
-def _ends(out: Path) -> dict[str, str]:
+@dataclass(frozen=True, slots=True)
+class _End:
+    """When a node of a run ended, s, and how."""
+
+    t_s: float
+    how: str
+
+
+def _ends(out: Path) -> dict[str, _End]:
     """Return how each node of a run ended that the plan holds; of those in several branches the one taken."""
-    found: dict[str, str] = {}
+    found: dict[str, _End] = {}
     for record in (json.loads(line) for line in (out / "trace.jsonl").read_text("utf-8").splitlines()):
         if record[1] == "end":
             node, end = node_of(str(record[2])), " ".join(str(v) for v in record[3:])
             if node not in found or not end.startswith("SKIPPED"):
-                found[node] = end
+                found[node] = _End(float(record[0]), end)
     return found
+
+
+def _left_s(ends: Mapping[str, _End], *nodes: str) -> float:
+    """Return when the last of some nodes ended, s; infinity where none of them did.
+
+    A trace has whole milliseconds.
+    """
+    return max((ends[node].t_s + 0.001 for node in nodes if node in ends), default=math.inf)
 
 
 def node_of(task: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -70,6 +71,17 @@ def test_each_target_has_one_end_with_its_reason_and_what_is_true_of_it(tmp_path
     assert [fate.off_m for fate in found] == [0.004, 0.003, 0.05, 0.02, 0.3, None, 0.4, None, None]
     assert [fate.placed for fate in found] == [True, True, *[False] * 7]
     assert [fate.target for fate in found if fate.wrong] == ["T3"]
+
+
+def test_a_target_that_was_lost_on_arrival_has_the_reason_of_that_stop(tmp_path: Path) -> None:
+    """It was followed on the next drives, and the mast could not look back to it there."""
+    history = [
+        replace(record("T5", "lost", 0.02, "correlation 0.41 is below 0.7"), t_s=0.9),
+        replace(record("T5", "tracked", 0.1, "it needs pan -3.091 rad"), t_s=5.0),
+    ]
+    (found,) = fates(flown(tmp_path), ["T5"], {}, history)
+    assert (found.what, found.why) == ("lost on arrival", "correlation 0.41 is below 0.7")
+    assert found.off_m == 0.02
 
 
 def test_a_target_of_several_branches_has_the_end_of_the_one_taken(tmp_path: Path) -> None:
