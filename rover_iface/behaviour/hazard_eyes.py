@@ -17,7 +17,7 @@ from rover_iface.errors import CameraError, RenderError, TrackerError
 from rover_iface.frames import Pose
 from rover_iface.vision.handoff import Handoff, Side
 from rover_iface.vision.handoffs import Found, Refused, find_handoff
-from rover_iface.vision.narrow.crest import beside_m, open_depth_m
+from rover_iface.vision.narrow.crest import beside_m, open_along_m, open_depth_m
 from rover_iface.vision.narrow.references import angle_rad
 from rover_iface.vision.tracker import StereoView
 
@@ -120,8 +120,8 @@ def _handed(followed: Followed, given: Handoff, found: Found) -> HandedOff:
     It says nothing of which spot was meant: what the track tells of that stays. The hazcams range what they
     are shown, so what counts is how deep the surface is in their picture, not in the track's.
     """
-    near, _ = given.source("near")
-    camera, eye = given.hazcam.view.left_camera, near.view.left_camera.C
+    near = given.source("near")[0].view
+    camera, eye = given.hazcam.view.left_camera, near.left_camera.C
     ray = found.position - camera.C
     away = float(np.linalg.norm(ray))
     error_px = found.error_px
@@ -133,7 +133,11 @@ def _handed(followed: Followed, given: Handoff, found: Found) -> HandedOff:
     meant = followed.update.covariance - followed.update.deep_m**2 * np.outer(sight, sight)
     off_m = math.sqrt(0.5 * float(np.trace(meant) - sight @ meant @ sight) + sigma**2)
     deep = open_depth_m(given.hazcam, found.pixel, away, off_m * camera.hs / away)
-    aside = beside_m(deep, angle_rad(ray, found.position - eye))
+    # what is a crest for the navcams may be a plain face for the hazcams
+    shown = near.left_camera.project(found.position)
+    open_m = open_along_m(given.hazcam, near.left_camera, shown, found.position, off_m)
+    turned_rad = angle_rad(ray, found.position - eye)
+    aside = max(beside_m(deep, turned_rad), open_m * math.sin(turned_rad))
     along = np.outer(ray, ray) / away**2
     update = replace(
         followed.update,

@@ -16,6 +16,7 @@ from rover_iface.cameras.model import Array, CameraModel
 from rover_iface.vision.handoff import STEP, Side
 from rover_iface.vision.handoff_cascade import ONE_SURFACE_M, RANGE_PX, Answer
 from rover_iface.vision.narrow.references import Kept
+from rover_iface.vision.shape_draped import surface_under
 from rover_iface.vision.tracker import StereoView
 
 LEAST_PX = 0.75 * STEP
@@ -33,6 +34,8 @@ how many points of the new pair's cloud say that something does. On 25774355 (lo
 stone before a rock whose face its pixel touched; from the side three answers of 57 to 77 patches and own ones
 of 0.61 to 0.66 had it on the rock, 12 cm aside, with 6, 12 and 26 such points. Of 112 other answers of narrow
 pairs (14 looked-at days) one had any: one point, of a target that was hidden."""
+ROUND = 8
+"""Directions in which a kept pixel is moved to see what else it may show."""
 SAME_SIGMAS = 3.0
 """Deviations that answers of two pairs may be apart, the better known of which is then taken."""
 
@@ -58,17 +61,20 @@ class Shown:
     deep_m: float
 
     @classmethod
-    def of(cls, answer: Answer, kept: Kept, side: Side) -> Shown:
+    def of(cls, answer: Answer, kept: Kept, side: Side, standing: CameraModel) -> Shown:
         """Return what an answer leaves open in a new pair: the error of the kept pixel and its own.
 
         Within that the surface may lie deeper or nearer, and the kept pair's line of sight meets it elsewhere
-        then: beside the target, as far as it differs from the line of sight of the new pair.
+        then: beside the target, as far as it differs from the line of sight of the new pair. What is a crest
+        for the kept pair, `standing` where it stood, may be a plain face for the new one.
         """
         camera = side.view.left_camera
         away = float(np.linalg.norm(answer.position - camera.C))
         sigma_m = math.hypot(answer.error_px * away / camera.hs, kept.sigma_m)
         deep_m = open_depth_m(side, answer.pixel, away, sigma_m * camera.hs / away)
-        aside_m = beside_m(deep_m, kept.turned_rad(camera.C, answer.position))
+        turned_rad = kept.turned_rad(camera.C, answer.position)
+        along_m = open_along_m(side, standing, kept.pixel, answer.position, kept.sigma_m)
+        aside_m = max(beside_m(deep_m, turned_rad), along_m * math.sin(turned_rad))
         return cls(answer, camera.C, math.hypot(sigma_m, aside_m), deep_m)
 
     @property
@@ -118,6 +124,43 @@ def open_depth_m(side: Side, pixel: Array, away_m: float, off_px: float) -> floa
     deep = np.clip(deep, -ONE_SURFACE_M, ONE_SURFACE_M)
     squared = float(weight @ deep**2) / float(weight.sum()) - range_error_m(side.view, away_m) ** 2
     return math.sqrt(max(0.0, squared))
+
+
+def open_along_m(side: Side, standing: CameraModel, pixel: Array, place: Array, sigma_m: float) -> float:
+    """Return how far a kept picture's line of sight leaves open where it meets the surface, m.
+
+    One standard deviation, in metres along that line, of where the error of the kept pixel has it meet the
+    surface that a new pair ranges; 0 where that has none.
+
+    Parameters
+    ----------
+    side
+        The new pair, which ranges the surface.
+    standing, pixel
+        Camera of the kept picture where it stood, and the target's pixel (2,) in it.
+    place
+        (3,), m, that the answer has it at.
+    sigma_m
+        What the kept pixel is off across its line of sight in each direction, one standard deviation.
+    """
+    sight = place - standing.C
+    away_m = float(np.linalg.norm(sight))
+    # on a circle of so many deviations each direction has a variance of one
+    radius_px = math.sqrt(2.0) * sigma_m * standing.hs / away_m
+    squared = []
+    for angle in np.arange(ROUND) * (math.tau / ROUND):
+        beside = pixel + radius_px * np.array([math.cos(angle), math.sin(angle)])
+        found = surface_under(side, standing, beside)
+        if found is None:
+            continue
+        along_m = float((found[0] - place) @ sight) / away_m
+        # an answer that took what lies farther off still is refused: the two pairs would have two surfaces
+        if abs(along_m) <= ONE_SURFACE_M:
+            squared.append(along_m**2)
+    if not squared:
+        return 0.0
+    noise_m = range_error_m(side.view, float(np.linalg.norm(place - side.view.left_camera.C)))
+    return math.sqrt(max(0.0, sum(squared) / len(squared) - noise_m**2))
 
 
 def edge_before(side: Side, standing: CameraModel, pixel: Array, place: Array) -> bool:

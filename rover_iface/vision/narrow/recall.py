@@ -269,15 +269,16 @@ class NarrowRecall:
         side = Side(pair, DEPTHS[0] * away, farthest_m=DEPTHS[1] * away)
         for kept in memory.known.likeliest(eye, update.position, view.t_s):
             guess = Transform(np.eye(3), update.position - kept.point)
-            answer = cascade(Handoff(side, kept.side.moved(guess), kept.pixel), "near", LAID)
+            model = kept.side.moved(guess)
+            answer = cascade(Handoff(side, model, kept.pixel), "near", LAID)
             if not answer.accepted or _hardly_shown(answer):
                 continue
-            away = float(np.linalg.norm(answer.position - pair.left_camera.C))
-            sigma_m = math.hypot(answer.error_px * away / pair.left_camera.hs, kept.sigma_m)
-            if _elsewhere(answer, sigma_m, eye, update, memory):
+            shown = Shown.of(answer, kept, side, model.view.left_camera.transformed(answer.motion))
+            if _elsewhere(answer, shown.across_m, eye, update, memory):
                 continue
-            memory.known.keep(Kept(side, answer.pixel, answer.position, math.hypot(sigma_m, MEANT_M)))
-            covariance = (sigma_m**2 + (TWO_LOOKS_RAD * away) ** 2) * np.eye(3)
+            sigma_m = math.hypot(shown.across_m, MEANT_M)
+            memory.known.keep(Kept(side, answer.pixel, answer.position, sigma_m))
+            covariance = shown.covariance + (TWO_LOOKS_RAD * shown.away_m) ** 2 * np.eye(3)
             pixel = np.asarray(view.left_camera.project(answer.position))
             drift = covariance, np.zeros((3, 2))
             if np.isfinite(pixel).all() and self.tracker.put(target, view, pixel, drift, away):
@@ -320,7 +321,7 @@ class NarrowRecall:
                 again = before is not None and float(np.linalg.norm(gap - before)) < AGREED_M
                 if not again:
                     continue
-            shown = Shown.of(answer, kept, side)
+            shown = Shown.of(answer, kept, side, standing)
             if _against_track(shown, track, memory):
                 continue
             if not answers or answers[0].same_spot(shown):

@@ -12,7 +12,16 @@ import pytest
 from rover_iface.cameras.model import Array, pinhole
 from rover_iface.frames import Transform
 from rover_iface.vision.handoff_cascade import Answer
-from rover_iface.vision.narrow.crest import ASIDE, Shown, beside_m, edge_before, open_depth_m, range_error_m
+from rover_iface.vision.narrow import crest
+from rover_iface.vision.narrow.crest import (
+    ASIDE,
+    Shown,
+    beside_m,
+    edge_before,
+    open_along_m,
+    open_depth_m,
+    range_error_m,
+)
 from rover_iface.vision.narrow.references import Kept
 
 CAMERA = pinhole(focal_px=1000.0, width=400, height=400)
@@ -35,12 +44,12 @@ def pair(step_m: float = STEP_M) -> Any:
 
 
 def test_the_depth_that_is_open_grows_with_what_the_pixel_is_off() -> None:
-    crest, face = pair(), pair(0.0)
-    told = [open_depth_m(crest, MIDDLE, AWAY_M, off_px) for off_px in (0.5, 2.0, 4.0, 8.0)]
+    step, face = pair(), pair(0.0)
+    told = [open_depth_m(step, MIDDLE, AWAY_M, off_px) for off_px in (0.5, 2.0, 4.0, 8.0)]
     # the share of a normal distribution that lies beyond the edge is STEP_M deeper
     for depth_m, off_px in zip(told[1:], (2.0, 4.0, 8.0), strict=True):
         beyond = 0.5 * math.erfc(EDGE_PX / off_px / math.sqrt(2.0))
-        noise_m = range_error_m(crest.view, AWAY_M)
+        noise_m = range_error_m(step.view, AWAY_M)
         assert math.hypot(depth_m, noise_m) == pytest.approx(STEP_M * math.sqrt(beyond), rel=0.05)
     assert told[0] < 0.003 < 0.01 < told[2]
     # what lies behind an outline is another surface, which the cascade refuses
@@ -52,10 +61,10 @@ def test_the_depth_that_is_open_grows_with_what_the_pixel_is_off() -> None:
 
 
 def test_a_pair_that_ranges_nothing_there_tells_no_depth() -> None:
-    crest = pair()
-    assert open_depth_m(crest, np.array([100.0, 100.0]), AWAY_M, 2.0) == 0.0
-    crest.cloud = None
-    assert open_depth_m(crest, MIDDLE, AWAY_M, 2.0) == 0.0
+    step = pair()
+    assert open_depth_m(step, np.array([100.0, 100.0]), AWAY_M, 2.0) == 0.0
+    step.cloud = None
+    assert open_depth_m(step, MIDDLE, AWAY_M, 2.0) == 0.0
 
 
 def answer(error_px: float) -> tuple[Answer, Array]:
@@ -75,10 +84,17 @@ def kept(place: Array, ray: Array, turned_rad: float, sigma_m: float) -> Kept:
     return Kept(view, MIDDLE, place, sigma_m)
 
 
+def shown(told: Answer, kept: Kept, side: Any) -> Shown:
+    """Return what an answer leaves open where the kept picture's own line of sight leaves nothing open."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(crest, "surface_under", lambda *_: None)
+        return Shown.of(told, kept, side, CAMERA)
+
+
 def test_an_answer_leaves_open_what_the_kept_pixel_does_and_how_deep_the_surface_is_there() -> None:
     told, ray = answer(0.5)
     px_m = AWAY_M / CAMERA.hs
-    one = Shown.of(told, kept(told.position, ray, 0.0, 0.004), pair())
+    one = shown(told, kept(told.position, ray, 0.0, 0.004), pair())
     sigma_m = math.hypot(0.5 * px_m, 0.004)
     assert one.across_m == pytest.approx(sigma_m)
     assert one.deep_m == pytest.approx(open_depth_m(pair(), MIDDLE, AWAY_M, sigma_m / px_m), rel=0.01)
@@ -86,20 +102,52 @@ def test_an_answer_leaves_open_what_the_kept_pixel_does_and_how_deep_the_surface
     # a chain of pairs that each add little knows the target worse and worse, at a crest in range above all
     chain = [one]
     for _ in range(4):
-        chain.append(Shown.of(told, kept(told.position, ray, 0.0, chain[-1].across_m), pair()))
+        chain.append(shown(told, kept(told.position, ray, 0.0, chain[-1].across_m), pair()))
     assert np.all(np.diff([shown.across_m for shown in chain]) > 0.0)
     assert np.all(np.diff([shown.deep_m for shown in chain]) > 0.0)
 
 
 def test_a_line_of_sight_from_the_side_meets_a_deep_surface_beside_the_target() -> None:
     told, ray = answer(0.5)
-    straight, aside = (Shown.of(told, kept(told.position, ray, turn, 0.004), pair()) for turn in (0.0, 0.7))
+    straight, aside = (shown(told, kept(told.position, ray, turn, 0.004), pair()) for turn in (0.0, 0.7))
     assert aside.deep_m == straight.deep_m
     assert aside.across_m == pytest.approx(math.hypot(straight.across_m, beside_m(aside.deep_m, 0.7)))
     assert beside_m(0.02, math.pi / 2.0) == pytest.approx(ASIDE * 0.02)
-    flat = Shown.of(told, kept(told.position, ray, 0.7, 0.004), pair(0.0))
+    flat = shown(told, kept(told.position, ray, 0.7, 0.004), pair(0.0))
     assert flat.across_m == pytest.approx(straight.across_m)
     assert straight.same_spot(aside)
+
+
+def met_beyond(edge_px: float, step_m: float) -> Any:
+    """Return what gives where the rays of a camera meet a face that ends right of the middle, beyond which
+    another lies a step farther off, as a new pair ranges them.
+    """
+
+    def under(_side: Any, camera: Any, pixel: Array) -> tuple[Array, None]:
+        eye, ray = camera.back_project(pixel)
+        return eye + (AWAY_M + step_m * (pixel[0] > MIDDLE[0] + edge_px)) * ray, None
+
+    return under
+
+
+@pytest.mark.parametrize(("edge_px", "step_m", "beyond"), [
+    (1.5, 0.02, 3), (9.0, 0.02, 0), (0.5, 0.02, 3), (0.5, -0.02, 3), (-99.0, 0.0, 0), (1.5, 0.2, 0),
+])  # fmt: skip
+def test_a_crest_of_the_kept_picture_is_one_though_the_new_pair_sees_a_plain_face(
+    edge_px: float, step_m: float, beyond: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A pixel 3 mm beside a target had it 1.8 cm before its place, along a line of sight that was 45 degrees
+    aside; the new pair saw the crest face on and told 4 mm, and a tool was put down 2 cm beside.
+    """
+    told, ray = answer(0.1)
+    monkeypatch.setattr(crest, "surface_under", met_beyond(edge_px, step_m))
+    side, aside = pair(0.0), math.radians(45.0)
+    noise_m = range_error_m(side.view, AWAY_M)
+    along_m = math.sqrt(max(0.0, step_m**2 * beyond / 8.0 - noise_m**2))
+    assert open_along_m(side, CAMERA, MIDDLE, told.position, 0.004) == pytest.approx(along_m, abs=2e-5)
+    flat, one = (Shown.of(told, kept(told.position, ray, turn, 0.004), side, CAMERA) for turn in (0.0, aside))
+    assert flat.across_m == pytest.approx(math.hypot(0.1 * AWAY_M / CAMERA.hs, 0.004))
+    assert one.across_m == pytest.approx(math.hypot(flat.across_m, along_m * math.sin(aside)), rel=1e-3)
 
 
 @pytest.mark.parametrize(("before_m", "off_px", "edge"), [

@@ -23,6 +23,7 @@ from rover_iface.vision.handoff import Handoff
 from rover_iface.vision.handoff_cascade import Answer
 from rover_iface.vision.narrow import crest, recall
 from rover_iface.vision.narrow.recall import LOST_UPDATES, REFUSED, NarrowRecall
+from rover_iface.vision.narrow.references import Kept
 from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
 from tests.rover_iface.vision.test_narrow_range import DRIFT, face, frames, view
 
@@ -355,6 +356,23 @@ def test_a_target_that_is_seen_from_another_side_is_tied_to_another_narrow_pictu
     untied = tracker.update("A", seen)
     assert len(looks) == 2
     assert np.linalg.eigvalsh(untied.covariance)[-1] > np.linalg.eigvalsh(tied.covariance)[-1]
+
+
+def test_a_pair_that_is_tied_at_a_crest_is_kept_as_one_that_knows_the_target_as_poorly(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One was kept with its target 7 mm aside and 22 before its place, told as 4, and handed that on."""
+    tracker, point = begun()
+    tracker.narrow = lambda *_: view("pancam", MIDWAY_X, DRIFT)
+    monkeypatch.setattr(recall, "TURNED_RAD", 0.0)
+    monkeypatch.setattr(Kept, "turned_rad", lambda *_: 0.5)
+    monkeypatch.setattr(crest, "open_along_m", lambda *_: 0.02)
+    monkeypatch.setattr(crest, "open_depth_m", lambda *_: 0.03)
+    tracker.expect("A", DRIFT.apply(point), 0.05**2 * np.eye(3))
+    told = tracker.update("A", view("navcam", MIDWAY_X, DRIFT))
+    across_m = 0.02 * math.sin(0.5)
+    assert across_m < tracker._memories["A"].known.narrow[-1].sigma_m < across_m + 0.003
+    assert np.sqrt(np.linalg.eigvalsh(told.covariance)) == pytest.approx([0.013, 0.013, 0.033], abs=0.003)
 
 
 @pytest.mark.parametrize(("agreeing", "score", "kept"), [(35, 0.25, False), (80, 0.9, True)])
