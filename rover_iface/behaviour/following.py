@@ -22,6 +22,7 @@ from rover_iface.errors import CameraError, RenderError, TrackerError
 from rover_iface.localization.target_map import TargetMap
 from rover_iface.navigation.navigator import SeenWay
 from rover_iface.telemetry import TrackState
+from rover_iface.vision.narrow.recall import coasting
 from rover_iface.vision.tracker import Expects, StereoView, TakesBack, Tracker, TrackUpdate
 
 logger = logging.getLogger(__name__)
@@ -60,6 +61,8 @@ class Followed:
     """Where the rover believed to be then."""
     refused: bool = False
     """Whether the instrument could not be placed on it."""
+    in_reach: bool = True
+    """Whether the mast could look at it when it was last looked for."""
 
 
 class TargetFollower:
@@ -217,14 +220,14 @@ class TargetFollower:
         looked = yield from self._look_at_all()
         if self.finder is None or not looked:
             return
-        seen = [followed for followed in looked if _seen(followed.update)]
+        seen = [followed for followed in looked if not _missed(followed)]
         if not seen and self._saw:
             # before the rover takes it that it knows nothing of what it sees
             known = {followed.target.id for followed in looked}
             rest = [followed for followed in self.alive() if followed.target.id not in known]
             yield from self._look_at(rest)
             looked += rest
-            seen = [followed for followed in rest if _seen(followed.update)]
+            seen = [followed for followed in rest if not _missed(followed)]
         saw, self._saw = self._saw, {followed.target.id for followed in seen}
         if not seen and saw:
             yield from self._find_pose(self.finder)
@@ -329,9 +332,10 @@ class TargetFollower:
         try:
             sighting = self.eyes.stereo(self.tracker.predicted(name), track=name)
         except (CameraError, TrackerError, RenderError) as err:
+            followed.in_reach = False
             self.tell(followed, self._unseen(followed, str(err)), None)
             return
-        followed.view = sighting.view
+        followed.view, followed.in_reach = sighting.view, True
         update = self.tracker.update(name, sighting.view)
         self._see(update)
         self.tell(followed, update, sighting.left.number)
@@ -342,15 +346,19 @@ class TargetFollower:
             self.map.see(update.target, update.position, update.covariance)
 
     def _unseen(self, followed: Followed, why: str) -> TrackUpdate:
-        """Return the last answer, less sure: a mast that cannot look there now is not a miss of the tracker.
+        """Return an answer about a target that the mast cannot look at now: the tracker did not miss it.
 
-        After three such stops in a row the target counts as lost, until it is seen again.
+        It is where the drive and the other targets have it, and counts as lost once they have it so poorly
+        that it would hardly be found again from near.
         """
-        confidence = 0.8 * followed.update.confidence
-        state = followed.update.state
-        if state is TrackState.TRACKED and confidence < 0.5:
-            state = TrackState.LOST
-        return replace(followed.update, state=state, confidence=confidence, reasons=(why,))
+        before = replace(followed.update, pixel=np.full(2, np.nan))
+        if followed.target.id in self.map:
+            position, covariance = self.map.place(followed.target.id)
+            before = replace(before, position=position, covariance=covariance, deep_m=0.0)
+        told = coasting(replace(before, state=TrackState.LOST))
+        if followed.update.state is not TrackState.TRACKED or told.state is TrackState.FAILED:
+            told = replace(told, state=TrackState.LOST)
+        return replace(told, confidence=min(told.confidence, before.confidence), reasons=(why,))
 
     def tell(
         self, followed: Followed, update: TrackUpdate, picture: int | None, *, begun: bool = False
@@ -403,3 +411,8 @@ class TargetFollower:
 def _seen(update: TrackUpdate) -> bool:
     """Return whether a target was in the picture that an answer is of."""
     return bool(np.isfinite(update.pixel).all())
+
+
+def _missed(followed: Followed) -> bool:
+    """Return whether a target was looked for and not seen."""
+    return followed.in_reach and not _seen(followed.update)

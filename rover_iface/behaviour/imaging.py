@@ -67,6 +67,23 @@ class Imaging:
         )
         return Outcome(True, values=values)
 
+    def looked_at(self, command: Command) -> Array | None:
+        """Return the point (3,), m, believed site frame, that a command looks at; None if it is of a target
+        that nobody designated.
+        """
+        name = str(command.parameters.get("target", ""))
+        if not name:
+            return self._far_point(command)
+        return np.asarray(self.follower.position(name)) if name in self.follower.targets else None
+
+    def in_reach(self, point: Array) -> bool:
+        """Return whether the mast can point at a point (3,), m, of the believed site frame from here."""
+        try:
+            self.cameras.point_at(point)
+        except CameraError:
+            return False
+        return True
+
     def _far_point(self, command: Command) -> Array:
         """Return a point (3,) 20 m away in the direction of a command, believed site frame."""
         azimuth, elevation = number(command, "azimuth", 0.0), number(command, "elevation", 0.0)
@@ -117,16 +134,16 @@ class Imaging:
 
     def point_mast(self, command: Command) -> Action:
         """Carry out `pointmast`."""
-        yield from self.hardware.spend("pointmast")
+        energy = yield from self.hardware.spend("pointmast")
         name = str(command.parameters.get("target", ""))
         if name:
             if name not in self.follower.targets:
-                return Outcome(False, f"unknown target {name}")
+                return Outcome(False, f"unknown target {name}", {"energy_j": energy})
             try:
                 pan, tilt = self.cameras.point_at(self.follower.position(name))
             except CameraError as err:
-                return Outcome(False, str(err))
+                return Outcome(False, str(err), {"energy_j": energy})
         else:
             pan = wrap_angle(number(command, "azimuth", 0.0) - self.hardware.believed.heading)
             tilt = number(command, "elevation", 0.0)
-        return Outcome(True, values={"pan": float(pan), "tilt": float(tilt)})
+        return Outcome(True, values={"pan": float(pan), "tilt": float(tilt), "energy_j": energy})

@@ -50,12 +50,30 @@ class Repertoire:
             "turn": driving.turn,
             "trackstart": self._start_track,
             "trackstop": follower.stop,
-            "ipplaceinstrument": placing.place,
-            "handoff": placing.hand_off,
-            "image": imaging.image,
+            "ipplaceinstrument": self._turning(placing.place),
+            "handoff": self._turning(placing.hand_off),
+            "image": self._turning(imaging.image),
             "imagepanorama": imaging.panorama,
-            "pointmast": imaging.point_mast,
+            "pointmast": self._turning(imaging.point_mast),
         }
+
+    def _turning(self, act: Callable[[Command], Action]) -> Callable[[Command], Action]:
+        """Return an action before which the rover turns to what lies behind the mast's reach."""
+
+        def turned(command: Command) -> Action:
+            hardware, point = self.follower.hardware, self.imaging.looked_at(command)
+            if point is None or not hardware.cameras_work or self.imaging.in_reach(point):
+                return (yield from act(command))
+            begin_j = hardware.drawn_j
+            trouble = yield from self.driving.face(point)
+            outcome = yield from act(command)
+            reason = outcome.reason
+            if reason and trouble:
+                reason = f"{reason}; on the turn to what is behind the mast's reach: {trouble}"
+            values = {**outcome.values, "energy_j": hardware.drawn_j - begin_j}
+            return replace(outcome, reason=reason, values=values)
+
+        return turned
 
     def _start_track(self, command: Command) -> Action:
         """Carry out `trackstart`; what it drew is told with the turn and the pair that is kept."""

@@ -22,6 +22,7 @@ from rover_iface.simulator.subframe_rover import make_rover
 from rover_iface.simulator.terrain_rover import TerrainRover
 from rover_iface.vision.tracker import TrackState, TrackUpdate
 from tests.rover_iface.test_subframe_rover import do
+from tests.rover_iface.worlds import says_what_it_drew
 
 
 @pytest.fixture(scope="module")
@@ -127,6 +128,23 @@ def test_a_target_behind_the_mast_is_turned_to_before_it_is_tracked(world: Path)
     assert abs(math.remainder(rover.hardware.believed.heading - away, math.tau)) > 0.2
 
 
+@pytest.mark.parametrize("action", ["image", "pointmast"])
+def test_a_rover_turns_to_what_its_mast_cannot_look_at(world: Path, action: str) -> None:
+    rover = make_rover(world, seed=4)
+    x, y = rover.repertoire.follower.position("T1")[:2]
+    here = rover.hardware.believed
+    away = math.remainder(math.atan2(y - here.y, x - here.x) + math.pi, math.tau)
+    results = [do(rover, "turn", heading=away)]
+    for at in ({"target": "T1"}, {"azimuth": away + math.pi, "elevation": -0.2}):
+        results.append(do(rover, action, **at))
+        assert results[-1].success, results[-1].reason
+        pan = float(results[-1].values.get("pan", 0.0))
+        assert abs(pan) <= rover.hardware.profile.mast.pan_limit_rad
+        assert abs(math.remainder(rover.hardware.believed.heading - away, math.tau)) > 0.2
+        results.append(do(rover, "turn", heading=away))
+    says_what_it_drew(rover, results)
+
+
 def test_the_hazcams_take_out_what_the_mast_is_off(world: Path) -> None:
     rover = arrived(world)
     followed = rover.repertoire.follower.followed["T1"]
@@ -157,6 +175,11 @@ def test_the_depth_of_a_surface_within_a_pixel_is_that_of_the_picture_that_range
     assert worst_m(0.03) < 0.01 < 0.03 < worst_m(0.0)
     monkeypatch.setattr(hazard_eyes, "open_depth_m", lambda *_: 0.02)
     assert 0.02 < worst_m(0.03) < 0.022
+    # one that is plain to them may be a crest for the mast, whose pixel says which spot of it was meant
+    monkeypatch.setattr(hazard_eyes, "open_depth_m", lambda *_: 0.0)
+    plain_m = worst_m(0.03)
+    monkeypatch.setattr(hazard_eyes, "open_along_m", lambda *_: 0.03)
+    assert plain_m + 0.005 < worst_m(0.03) < 0.03
 
 
 def test_where_the_hazcams_tell_nothing_the_error_of_the_mast_is_told(
