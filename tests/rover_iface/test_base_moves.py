@@ -100,6 +100,23 @@ def test_a_placement_that_moved_the_rover_tells_what_the_move_used() -> None:
     assert bench.drawn_j >= MOVE_J + MEASURE_J
 
 
+@pytest.mark.parametrize(("far_m", "moves"), [(0.3, 1), (0.8, 2), (1.1, 0)])
+def test_a_stand_beyond_one_move_is_come_to_by_two(
+    far_m: float, moves: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A target known to 4 mm was refused 0.8 m from its stand: the arm did not reach it."""
+    bench = Bench(stand=Pose(far_m, 0.0))
+
+    def seen(self: BaseMoves, followed: Any) -> Generator[Step, None, list[Pose]]:
+        yield Step(1, 0.0)
+        return [Pose(far_m, 0.0)]
+
+    monkeypatch.setattr(BaseMoves, "_by_the_ground", seen)
+    outcome = _placed(bench)
+    assert outcome.success is (moves > 0)
+    assert bench.drawn_j == pytest.approx(moves * MOVE_J, abs=MEASURE_J + 10.0)
+
+
 def test_a_look_at_the_ground_takes_its_time_and_energy() -> None:
     bench = Bench(stand=None)
     outcome = _placed(bench)
