@@ -459,6 +459,34 @@ def test_few_patches_have_a_target_that_is_in_doubt_where_the_track_or_the_map_h
         assert np.linalg.eigvalsh(told.covariance)[0] > 0.03**2
 
 
+@pytest.mark.parametrize(("narrow", "aside_m", "taken"), [
+    (False, 0.06, False), (False, 0.01, True), (True, 0.06, True),
+])  # fmt: skip
+def test_what_the_last_wide_pair_alone_has_elsewhere_than_the_map_is_not_the_target(
+    narrow: bool, aside_m: float, taken: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It shows what was followed there: one had slid over a crest, and was recognised 10 cm behind."""
+    tracker, point = begun()
+    near, place = view("navcam", NEAR_X, DRIFT), DRIFT.apply(point)
+    assert tracker.update("A", near).state is TrackState.TRACKED
+    memory = tracker._memories["A"]
+    assert memory.known.near is not None
+    there, wide = place + np.array([0.0, aside_m, 0.0]), memory.known.near.pixel
+
+    def laid(given: Handoff, *_: object) -> Answer:
+        pixel = np.asarray(given.hazcam.view.left_camera.project(there))
+        none = np.empty((0, 2))
+        told = 0.9, Transform.identity(), 135, 0.96
+        why = () if narrow or given.near_pixel is wide else ("too few patches",)
+        return Answer(pixel, there, *told, none, none, np.empty((0, 4)), why)
+
+    monkeypatch.setattr(recall, "cascade", laid)
+    tracker.expect("A", place, 0.01**2 * np.eye(3))
+    found = tracker.update("A", blank(near))
+    assert (found.state is TrackState.TRACKED) == taken
+    assert np.linalg.norm(found.position - (there if taken else place)) < 0.01
+
+
 def test_an_answer_whose_pixel_may_be_of_something_before_it_is_not_taken(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
