@@ -37,6 +37,7 @@ def plan_large(
     fresh_seed: int,
     first_price: float,
     warm: tuple[Plan, ...],
+    guide_s: float = 0.0,
     used: Callable[[], float] = lambda: 0.0,
     should_stop: Callable[[], bool],
     told: Callable[[Plan, float], None],
@@ -45,7 +46,7 @@ def plan_large(
 
     Under a chance constraint an overrun is given a multiplier, as in `chance.plans_within`: routes are
     thinned out, and branches grown, for the least multiplier at which a plan keeps to it. Quick searches try
-    routes alone.
+    routes alone. `guide_s` is that of `plan_long`.
     """
     chance = OverrunChance.of(problem)
     models: dict[Plan, Model] = {}
@@ -53,7 +54,9 @@ def plan_large(
     def find(price: float, quick: bool) -> list[Plan]:
         priced = dataclasses.replace(problem, overrun_penalty=problem.overrun_penalty + price)
         growth = dataclasses.replace(limits, max_branches=0) if quick else limits
-        found = plan_long(priced, growth, warm=warm, used=used, should_stop=should_stop, told=told)
+        found = plan_long(
+            priced, growth, warm=warm, guide_s=guide_s, used=used, should_stop=should_stop, told=told
+        )
         if found is None:
             return []
         model = dataclasses.replace(found.model, penalty=problem.overrun_penalty)

@@ -11,15 +11,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from itertools import chain, pairwise
+from itertools import chain, pairwise, zip_longest
 
 import numpy as np
 
 from planner.constraints.rule import MAX_BITS
 from planner.contingency.reduction import mean_route_of, only
+from planner.contingency.sampled.beginnings import best_beginnings
 from planner.contingency.sampled.branches import Curve
 from planner.contingency.sampled.futures import Growth
-from planner.contingency.sampled.raced_lines import TRIES, raced
+from planner.contingency.sampled.raced_lines import KEPT, TRIES, raced
 from planner.contingency.seeding import route_plan
 from planner.contingency.selection import makeable
 from planner.evaluate.model import Model
@@ -43,6 +44,10 @@ VARIED = 0.3
 VARIED_SHARES = (1.0, 0.92, 0.85, 0.75)
 """Shares of the budgets for those, in turn. By hand: the best lines of two days of 15 targets had 0.85 and
 0.92."""
+
+BEGUN_SHARE, GUIDED_KEPT = 0.35, (3, 2, 1)
+"""Share of the time in which lines that a relaxation leads to are polished, and how many of them get a first,
+a second option and so on. By hand: at 30 targets a line's first option takes 3 s of 60."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +76,7 @@ def plan_long(
     limits: Growth,
     *,
     warm: tuple[Plan, ...] = (),
+    guide_s: float = 0.0,
     used: Callable[[], float] = lambda: 0.0,
     should_stop: Callable[[], bool] = lambda: False,
     told: Callable[[Plan, float], None] = lambda plan, value: None,
@@ -78,6 +84,8 @@ def plan_long(
     """Return plans grown from routes on mean values, or from a warm plan; None if there is neither. `used`
     tells what share of the time is used up.
 
+    With `guide_s` a relaxation is asked for so many seconds, as `planner.tally` reckons them, which targets
+    matter: other routes than the best are among these, and what neither route nor guide knows is left out.
     With no branches allowed the best of route and warm plans is the answer, without polishing.
     """
     routes = long_routes(problem, seed=limits.seed, should_stop=should_stop)
@@ -95,17 +103,64 @@ def plan_long(
     value, start = max(valued, key=lambda pair: pair[0])
     if limits.max_branches == 0 or count_branches(start) > limits.max_branches:
         return LongPlan(model, [(value, start)])
-    varied = varied_routes(problem, limits.lines, seed=limits.seed, should_stop=should_stop)
-    others = (
-        route.plan
-        for route in chain(routes if limits.lines else (), varied)
-        if route.plan != start and planned_observations(route.plan) <= model.number_of.keys()
-    )
-    beginnings = chain([start], others)
+    kept = KEPT
+    if guide_s > 0.0 and limits.lines and not len(model.sols.chance):
+        model, lines = _guided(problem, model, start, guide_s, limits, should_stop)
+        until = used() + BEGUN_SHARE * max(0.0, 1.0 - used())
+        beginnings = iter(best_beginnings(model, lines, limits, lambda: should_stop() or used() > until))
+        used, kept = _from_now_on(used), GUIDED_KEPT
+    else:
+        varied = varied_routes(problem, limits.lines, seed=limits.seed, should_stop=should_stop)
+        others = (
+            route.plan
+            for route in chain(routes if limits.lines else (), varied)
+            if route.plan != start and planned_observations(route.plan) <= model.number_of.keys()
+        )
+        beginnings = chain([start], others)
     # where one line is asked for there are several growths, and each has to leave time for the others
     tries = TRIES if limits.lines else 0
-    curve = raced(model, beginnings, limits, used=used, should_stop=should_stop, told=told, tries=tries)
+    curve = raced(
+        model, beginnings, limits, used=used, should_stop=should_stop, told=told, tries=tries, kept=kept
+    )
     return LongPlan(model, curve)
+
+
+def _guided(
+    problem: Problem,
+    model: Model,
+    start: Plan,
+    guide_s: float,
+    limits: Growth,
+    should_stop: Callable[[], bool],
+) -> tuple[Model, Iterator[Plan]]:
+    """Return a model of what a plan makes and of what a relaxation says to matter, and the plan with other
+    lines among these: what the relaxation's policies do, and routes on mean values, in turn.
+    """
+    # Half of all that planning imports, which a first plan and small problems never need.
+    from planner.contingency.by_place.promising import promising
+
+    found = promising(model, limit_s=guide_s)
+    made = planned_observations(start)
+    matter = {o.id for o in problem.observations if o.target in found.targets and o.id in model.number_of}
+    part = only(problem, makeable(problem, matter)) if matter else problem
+    names = made.union(o.id for o in part.observations)
+    followed = (
+        _thinned(problem, line, limits.seed, should_stop)
+        for line in found.lines
+        if names.issuperset(line) and _drivable(problem, line)
+    )
+    routes = chain(
+        long_routes(part, seed=limits.seed, should_stop=should_stop)[:1],
+        varied_routes(part, limits.lines, seed=limits.seed, should_stop=should_stop),
+    )
+    in_turn = (route.plan for pair in zip_longest(followed, routes) for route in pair if route is not None)
+    return Model.of(only(problem, names)), chain([start], in_turn)
+
+
+def _from_now_on(used: Callable[[], float]) -> Callable[[], float]:
+    """Return a clock that tells the share used up of what is left now."""
+    before = min(used(), 1.0 - 1e-9)
+    return lambda: (used() - before) / (1.0 - before)
 
 
 def widened(problem: Problem, names: set[ObservationId]) -> Problem:

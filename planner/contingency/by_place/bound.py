@@ -72,25 +72,44 @@ def ng_bound(model: Model, *, limit_s: float) -> float:
 
     `limit_s` are seconds of a processor as `planner.tally` reckons them.
     """
-    model.require_one_kind("a bound by places")
     until = now_s() + limit_s
-    wanted = Wanted.of(model)
-    if not len(wanted.number) or not model.has_leg[:, 1:].any():
+    found = searched(model, limit_s=limit_s)
+    if found is None:
         return math.inf
-    own = Memory.of((np.nonzero(wanted.place == p)[0].tolist() for p in range(model.n + 1)), {})
-    nodes = min(USUAL, _finest(model, own, LAST_SHARE * limit_s))
-    size = Size.of(model, own, MOST_COUNTED, COARSE)
-    if not nodes or (2 * FIRST_STEPS + MORE_STEPS) * size.seconds > limit_s or size.table_mb > LARGEST_MB:
-        return math.inf
-    found = _searched(model, own, nodes, limit_s)
     left_s = ROOM * (until - now_s())
-    nodes = max(nodes, _finest(model, found.relaxation.memory, left_s))
+    nodes = max(_usual(model, limit_s), _finest(model, found.relaxation.memory, left_s))
     limits = [(nodes, MOST_COUNTED, left_s)]
     memory = found.credits.enlarged(found.relaxation.memory, limits, LARGEST_MB)
     actions = Actions.of(model, found.relaxation.weights, nodes, MOST_COUNTED)
     last = NgRelaxation(model, actions, memory, followed=False)
     value, point = found.asked(last, lambda: now_s() + last.size.seconds > until)
-    return value + MARGIN * (abs(value) + model.penalty + float(point @ wanted.chance)) + 1e-9
+    owed = float(point @ last.wanted.chance)
+    return value + MARGIN * (abs(value) + model.penalty + owed) + 1e-9
+
+
+def searched(model: Model, *, limit_s: float) -> Multipliers | None:
+    """Return multipliers with the memory that they were found for, on few nodes; None where the limit allows
+    no relaxation. They leave the last share of the limit for the bound itself.
+    """
+    model.require_one_kind("a bound by places")
+    wanted = Wanted.of(model)
+    if not len(wanted.number) or not model.has_leg[:, 1:].any():
+        return None
+    nodes, size = _usual(model, limit_s), Size.of(model, _own(model), MOST_COUNTED, COARSE)
+    if not nodes or (2 * FIRST_STEPS + MORE_STEPS) * size.seconds > limit_s or size.table_mb > LARGEST_MB:
+        return None
+    return _searched(model, _own(model), nodes, limit_s)
+
+
+def _own(model: Model) -> Memory:
+    """Return the memory of each place's own observations."""
+    place = Wanted.of(model).place
+    return Memory.of((np.nonzero(place == p)[0].tolist() for p in range(model.n + 1)), {})
+
+
+def _usual(model: Model, limit_s: float) -> int:
+    """Return the nodes that the search leaves room for; 0 where a limit allows none."""
+    return min(USUAL, _finest(model, _own(model), LAST_SHARE * limit_s))
 
 
 def _finest(model: Model, memory: Memory, limit_s: float) -> int:

@@ -40,7 +40,7 @@ class Masses(NamedTuple):
     bulge: Singles  # (actions, nodes) what a concave kink so far on adds between two nodes
     within: Singles  # (actions, nodes) chance to use no more than so many nodes, and above it between them
     summed: Singles  # (actions, nodes) sum of `hat` up to there
-    quick: Floats  # (actions,) chance that is left out, of a drive that hardly uses anything
+    quick: Floats  # (actions,) mass on the node where a drive begins, left out of the others
 
 
 class Drives(NamedTuple):
@@ -157,20 +157,15 @@ def before_legs(
     legs: Drives,
     w: Tables,
     i: int,
-    top: float,
-    most: float,
     past: Singles,
     by: Singles,
     left: Singles,
 ) -> None:
     """Fill in the values before each drive, [leg-states, counts]; `left` holds the last cell's bulges.
 
-    `past` is that of `past_block`. `most` is more than what the observations of any place win. What is left
-    out of a drive begins another one at this node, after some observations: it wins less than what `top` and
-    this node's own values allow.
+    `past` is that of `past_block`. What has not left this node is not in it: see `quick_arrivals`.
     """
     rest, lanes = a.nodes - 1 - i, by.shape[1]
-    highest, quick = np.float32(a.penalty), np.float32(0.0)
     far = np.zeros(lanes, np.float32)
     within = BLOCK - i % BLOCK  # nodes up to the end of the block
     for e in range(len(a.origin)):
@@ -178,7 +173,6 @@ def before_legs(
         first, last = max(low, 2), min(legs.high[e], rest, within + 1)  # one of one node bulges nowhere
         for c in range(lanes):
             far[c] = legs.within[e, rest, c] - legs.summed[e, rest, c]
-            quick = max(quick, legs.quick[e, c])
         for s in range(a.leg_base[e], a.leg_base[e + 1]):
             found, end = by[s], w.arriving[s, a.nodes - 1]
             bulge = past[s, i % BLOCK, 1]
@@ -189,13 +183,44 @@ def before_legs(
             for c in range(lanes):
                 found[c] += far[c] * end[c] + max(bulge[c], left[s, c])
                 left[s, c] = bulge[c]
-                highest = max(highest, found[c])
-    if quick > 0.0:
-        top = min(top, float(highest + most) / (1.0 - min(float(quick), 0.999)))
-        for e in range(len(a.origin)):
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def quick_arrivals(
+    a: Layout, legs: Drives, w: Tables, i: int, top: float, most: Floats, leads: Ints, peak: Singles, by: Singles
+) -> None:
+    """Add to the values before each drive, [leg-states, counts], what arrives at the node where it begins.
+
+    The values there are not known yet: after an arrival a place's own observations win no more than `most`
+    [places], in no time, and then another drive begins. `peak` [places, counts] holds the most that drives from
+    each place give at this node or a later one, `top` is more than any value plus penalty, and `leads` [legs]
+    says where legs lead. A value that falls to the next node bends there by no more than it falls.
+    """
+    lanes, quick, highest = by.shape[1], 0.0, np.float32(top)
+    for e in range(len(a.origin)):
+        p = a.origin[e]
+        for c in range(lanes):
+            quick = max(quick, float(legs.quick[e, c]))
+        for s in range(a.leg_base[e], a.leg_base[e + 1]):
+            for c in range(lanes):
+                peak[p, c] = max(peak[p, c], by[s, c])
+    if quick <= 0.0:
+        return
+    anywhere = np.zeros(lanes)
+    for c in range(lanes):
+        anywhere[c] = min(top, (float(peak[:, c].max()) + most.max()) / (1.0 - min(quick, 0.999)))
+    for e in range(len(a.origin)):
+        p = leads[e]
+        for c in range(lanes):
+            share, kinked = legs.quick[e, c], legs.bulge[e, 0, c]
+            if share <= 0.0:
+                continue
+            here = np.float32(min(anywhere[c], float(peak[p, c]) + quick * anywhere[c] + most[p]))
             for s in range(a.leg_base[e], a.leg_base[e + 1]):
-                for c in range(lanes):
-                    by[s, c] += np.float32(legs.quick[e, c] * top)
+                soon = w.arriving[s, i + 1, c] if i + 1 < a.nodes else np.float32(0.0)
+                later = w.arriving[s, i + 2, c] if i + 2 < a.nodes else np.float32(0.0)
+                value = by[s, c] + share * here + kinked * max(here - soon, soon - later, np.float32(0.0))
+                by[s, c] = min(value, highest)
 
 
 @njit(cache=True, nogil=True)
@@ -364,14 +389,17 @@ def backward(
     bulging = a.nodes if legs.bulging else 0
     open_end = -1 if a.whole else a.counts - 1
     plain, by_plain, room = np.zeros_like(best), np.zeros_like(best), np.zeros((2, lanes), np.float32)
-    count, most = len(a.origin), 0.0
+    count, most = len(a.origin), np.zeros(len(a.bits))
     for p in range(len(a.bits)):
-        most = max(most, np.maximum(gain[a.first_made[p] : a.first_made[p + 1]], 0.0).sum())
+        most[p] = np.maximum(gain[a.first_made[p] : a.first_made[p + 1]], 0.0).sum()
+    leads = np.searchsorted(a.base, a.arrival[a.way[a.way_base]], side="right") - 1
+    peak = np.full((len(a.bits), lanes), a.penalty, np.float32)
     for i in range(a.nodes - 1, -1, -1):
         rest = a.nodes - 1 - i
         if i == a.nodes - 1 or i % BLOCK == BLOCK - 1:
             past_block(a, legs, w, i // BLOCK * BLOCK, past)
-        before_legs(a, legs, w, i, top, most, past, by, left)
+        before_legs(a, legs, w, i, past, by, left)
+        quick_arrivals(a, legs, w, i, top, most, leads, peak, by)
         for p in range(len(a.bits)):
             for c in range(lanes):  # legs that keep nothing are the same for all that is remembered
                 plain[c], by_plain[c] = a.penalty, -1.0

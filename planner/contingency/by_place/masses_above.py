@@ -9,8 +9,9 @@ a quarter of a cell times the chance of the cell around y: too much for convex k
 little for concave ones is added to their bulge.
 
 A node is filled in after all later ones, so a drive may depend on later nodes alone: what takes less than
-two nodes is rounded down to one, and the chance of less than one is left out (`quick`) and paid for as if it
-won everything. An observation depends on its own node, since the states after it are filled in before it.
+two nodes is rounded down to one, and what takes less than one is split between the next node and its own
+(`quick`), where it is paid for by more than any value there. An observation depends on its own node, since
+the states after it are filled in before it.
 """
 
 from __future__ import annotations
@@ -119,9 +120,10 @@ def _above(cells: Floats, drive: bool, hat: Floats, bulge: Floats, within: Float
     """
     nodes = len(hat)
     each = (len(cells) - 1) // (nodes - 1)
-    mass, first, quick = cells.copy(), each if drive else 0, 0.0
+    mass, first, quick, kinked = cells.copy(), each if drive else 0, 0.0, 0.0
     if drive:
-        quick = mass[:each].sum()
+        quick, kinked = _split_first(cells, each)
+        mass[each] += mass[:each].sum() - quick
         mass[:each] = 0.0
     together = mass[first : first + each].sum()
     mass[first : first + each] = 0.0
@@ -137,6 +139,9 @@ def _above(cells: Floats, drive: bool, hat: Floats, bulge: Floats, within: Float
     cut = 2.0 * SPLITS * mass[-SPLITS - 1 :].max()  # what was split to beyond the day is not known
     below[:-SPLITS] = below[SPLITS:].copy()  # an amount is split to less than so many cells above it
     below[-SPLITS:] = min(1.0, below[-1] + cut)
+    if drive:
+        own = cells[: each + SPLITS].cumsum()[SPLITS:]
+        below[:each] = np.maximum(below[:each], own - quick)
     excess = np.zeros(len(mass) + 1)  # E max(X - x, 0), in nodes
     more = 0.0
     for x in range(len(mass) - 1, -1, -1):
@@ -156,7 +161,25 @@ def _above(cells: Floats, drive: bool, hat: Floats, bulge: Floats, within: Float
         split = SPLITS / 2.0 * around / each  # a cell holds no more than both its nodes
         bulge[node] = _over_chord(excess, x, each, -1.0) + split if node + 1 < nodes else 0.0
         before = over
+    if drive:
+        bulge[0] = kinked
     return quick, below
+
+
+@njit(cache=True, nogil=True)
+def _split_first(cells: Floats, each: int) -> tuple[float, float]:
+    """Return the mass on its own node of what a drive takes less than a node for, and what a concave kink at
+    that node adds in the cell before it.
+    """
+    share = np.arange(each) / each
+    quick = float((cells[:each] * (1.0 - share)).sum())
+    most, below, passed = 0.0, 0.0, 0.0
+    for y in range(1, each):
+        passed += cells[y - 1]
+        below += passed / each  # E max(y - X, 0), in nodes
+        most = max(most, quick * share[y] - below)
+    around = cells[: each + SPLITS].max()
+    return quick, min(quick, most + SPLITS / 2.0 * around / each)
 
 
 def _least_above(below: Floats, nodes: int) -> Floats:

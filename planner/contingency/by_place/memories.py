@@ -10,6 +10,7 @@ credit for a leg are remembered as long as the relaxation is not too large.
 
 from __future__ import annotations
 
+import heapq
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
@@ -144,26 +145,38 @@ class _Chosen:
         self.sizes = [(Size.of(model, memory, most, steps), seconds) for steps, most, seconds in limits]
 
     def of(self, credits: Mapping[Excursion, float]) -> Memory:
-        """Return the memory of the excursions with the most credit for a leg, as far as the seconds go."""
-        for m, way in sorted(credits, key=lambda key: (-credits[key] / max(len(key[1]), 1), key)):
-            if way:
-                self._remember(m, way)
+        """Return the memory of the excursions with the most credit for what a question takes more with them,
+        as far as the seconds go.
+        """
+        queue = [(-math.inf, credits[key], key) for key in sorted(credits) if key[1]]
+        heapq.heapify(queue)
+        while queue:
+            worth, credit, (m, way) = heapq.heappop(queue)
+            legs, places = self._lacking(m, way)
+            if not legs or any(len(self.at[p]) >= (MOST_AT if p else MOST_AT_START) for p in places):
+                continue
+            sizes = self._with(legs, places)
+            now = -credit / sum(larger.seconds - size.seconds for (size, _), larger in zip(self.sizes, sizes, strict=True))
+            if queue and now > queue[0][0]:
+                heapq.heappush(queue, (now, credit, (m, way)))
+                continue
+            if any(size.seconds > most_s or size.bound_mb > self.largest_mb for size, (_, most_s) in zip(sizes, self.sizes, strict=True)):
+                continue
+            self.sizes = [(size, most_s) for size, (_, most_s) in zip(sizes, self.sizes, strict=True)]
+            for p in places:
+                self.at[p].append(m)
+            for e in legs:
+                self.on[e].add(m)
         kept = {leg: frozenset(on) for leg, on in zip(self.legs, self.on, strict=True) if on}
         return Memory.of(self.at, kept)
 
-    def _remember(self, m: int, way: tuple[int, ...]) -> None:
-        """Keep an observation on some legs, unless that makes the relaxation too large."""
+    def _lacking(self, m: int, way: tuple[int, ...]) -> tuple[list[int], list[int]]:
+        """Return the legs and places of a way that do not keep an observation."""
         legs = [e for e in way if m not in self.on[e]]
-        places = sorted({p for e in legs for p in self.legs[e] if m not in self.at[p]})
-        if any(len(self.at[p]) >= (MOST_AT if p else MOST_AT_START) for p in places):
-            return
+        return legs, sorted({p for e in legs for p in self.legs[e] if m not in self.at[p]})
+
+    def _with(self, legs: list[int], places: list[int]) -> list[Size]:
+        """Return the sizes where these keep one observation more."""
         states = sum(2 ** len(self.at[p]) for p in places)
         ways = sum(2 ** len(self.on[e]) for e in legs)
-        larger = [(size.with_more(states, ways), seconds) for size, seconds in self.sizes]
-        if any(size.seconds > most_s or size.bound_mb > self.largest_mb for size, most_s in larger):
-            return
-        self.sizes = larger
-        for p in places:
-            self.at[p].append(m)
-        for e in legs:
-            self.on[e].add(m)
+        return [size.with_more(states, ways) for size, _ in self.sizes]

@@ -31,7 +31,8 @@ class _Lowered:
 class Multipliers:
     """The multipliers found so far, with what they are good for.
 
-    `least` holds the least values by number of tracks, whatever the memory, and `points` where these were.
+    `least` holds the least values by number of tracks, whatever the memory, and `points` where these were;
+    `often` how often the policy of each question makes what is wanted [wanted], in their order.
     """
 
     def __init__(self, relaxation: NgRelaxation, credits: Credits) -> None:
@@ -39,10 +40,12 @@ class Multipliers:
         self.least = np.full(relaxation.tracks + 1, math.inf)
         self.points = [np.zeros(len(relaxation.wanted.number))] * (relaxation.tracks + 1)
         self.largest: list[float] = []  # of `least`, after each question of the last search
+        self.often: list[Floats] = []
 
     def with_more_tracks(self, relaxation: NgRelaxation) -> Multipliers:
         """Return them for a relaxation of days with more tracks: theirs are those of the most tracks."""
         wider = Multipliers(relaxation, self.credits)
+        wider.often = self.often
         wider.points = [self.points[min(k, len(self.points) - 1)] for k in range(len(wider.points))]
         return wider
 
@@ -99,7 +102,9 @@ class Multipliers:
             self.least[lower], self.points[lower] = values[lower], prices
         self.largest.append(float(self.least.max()))
         followed.append(self.credits.followed(self.relaxation, count))
-        return float(values[count]), self.relaxation.slope(count)
+        often = self.relaxation.often(count)
+        self.often.append(often)
+        return float(values[count]), self.relaxation.limit(count) - often
 
     def asked(self, last: NgRelaxation, is_late: Callable[[], bool]) -> tuple[float, Floats]:
         """Return the bound of another relaxation at these multipliers, and those of the largest number.

@@ -208,7 +208,7 @@ class NgRelaxation:
             for unknown in range(len(others) + 1):
                 yield state, gone, len(known) + unknown, carried + float(more[unknown])
 
-    def _limit(self, count: int) -> Floats:
+    def limit(self, count: int) -> Floats:
         """Return the chances that no day exceeds [wanted] that begins with so many tracks."""
         own, others = self._others(self.prices)
         known = [m for k, m in enumerate(own) if not self.begun[count].gone >> k & 1]
@@ -217,17 +217,17 @@ class NgRelaxation:
         limit[carried] = self.wanted.chance[carried]
         return limit
 
-    def slope(self, count: int) -> Floats:
-        """Return a subgradient of the last bound on days that begin with so many tracks [wanted].
+    def often(self, count: int) -> Floats:
+        """Return how often the policy of the last bound makes each observation [wanted], by weight, on days
+        that begin with so many tracks.
 
-        It is chances less how often each is made.
+        `limit` less this is a subgradient of the bound.
         """
         mass = np.zeros(self.tables.value.shape, np.float32)
         begun = self.begun[count]
         mass[begun.state, begun.node, begun.lane] = 1.0
         spend(Step.PRICED, FORWARD * self.size.seconds / SECONDS[Step.PRICED])
-        drives, made = self.actions.drives, self.actions.made
-        return self._limit(count) - forward(self.layout, drives, made, self.tables, mass)
+        return forward(self.layout, self.actions.drives, self.actions.made, self.tables, mass)
 
     def walks(self, count: int, walks: int, *, rng: np.random.Generator) -> Walks:
         """Return what the policy of the last bound does in so many walks that begin with `count` tracks."""

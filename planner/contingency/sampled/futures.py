@@ -86,12 +86,21 @@ class Line:
 
 
 class Sampler:
-    """Carries plans out in the shared futures, and counts how often; the best candidates in `fitted` ones."""
+    """Carries plans out in the shared futures, and counts how often: candidates in the first `scanned`, the
+    best of them in `fitted` ones.
+    """
 
     def __init__(
-        self, model: Model, limits: Growth, should_stop: Callable[[], bool], *, fitted: int = FITTED
+        self,
+        model: Model,
+        limits: Growth,
+        should_stop: Callable[[], bool],
+        *,
+        scanned: int = SCANNED,
+        fitted: int = FITTED,
     ) -> None:
-        self.model, self.limits, self.should_stop, self.fitted = model, limits, should_stop, fitted
+        self.model, self.limits, self.should_stop = model, limits, should_stop
+        self.scanned, self.fitted = scanned, fitted
         self.iterations = 0
         self._known: dict[tuple[Plan, Plan, int], Floats] = {}
 
@@ -119,7 +128,7 @@ class Sampler:
             known = np.full(futures, np.nan)
             standing = line.standing(row, futures)
             known[there] = resume(self.model, change.rest, standing, seed=self.limits.seed)
-            if futures <= SCANNED:
+            if futures <= self.scanned:
                 if len(self._known) >= MOST_KNOWN:
                     self._known.clear()
                 self._known[key] = known

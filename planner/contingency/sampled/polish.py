@@ -11,7 +11,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 from planner.contingency.sampled.conditions import fitted_condition
-from planner.contingency.sampled.futures import SCANNED, Change, Line, Sampler
+from planner.contingency.sampled.futures import Change, Line, Sampler
 from planner.plan_edits import lists_of, neutral_option, options_of, replace_option, steps_at, with_tail
 from planner.plan_tree import Branch, Navigate, Observe, OnFail, Option, Path, Plan, Step, TrackStart
 
@@ -37,12 +37,12 @@ class Polisher:
         Visits are exchanged, moved and turned round only where it is to be polished `thoroughly`.
         """
         for _ in range(SWEEPS):
-            base = line.futures.utility[:SCANNED]
+            base = line.futures.utility[: self.sampler.scanned]
             ideas: list[tuple[float, int, Change]] = []
             for k, change in enumerate(self.changes(line, thoroughly=thoroughly)):
                 if self.sampler.over():
                     return line
-                gain = float((self.sampler.utility(line, change, SCANNED) - base).mean())
+                gain = float((self.sampler.utility(line, change, self.sampler.scanned) - base).mean())
                 if gain > 0.0:
                     ideas.append((-gain, k, change))
             better = self.sampler.best_sure(line, [change for _, _, change in sorted(ideas)[:SHORTLIST]])

@@ -320,7 +320,7 @@ def test_drives_are_summed_over_all_nodes_whatever_the_block() -> None:
     model = Model.of(_day())
     relaxation = _relaxed(model, Memory.of([[m] if p else [] for p, m in enumerate([-1, *range(6)])]))
     a, w = relaxation.layout, relaxation.tables
-    legs = relaxation.actions.drives._replace(quick=np.zeros_like(relaxation.actions.drives.quick))
+    legs = relaxation.actions.drives
     size, lanes = len(w.arriving), w.arriving.shape[2]
     past = np.zeros((size, BLOCK, 2, lanes), np.float32)
     by = np.zeros((size, lanes), np.float32)
@@ -330,7 +330,7 @@ def test_drives_are_summed_over_all_nodes_whatever_the_block() -> None:
     for i in range(a.nodes - 1, -1, -1):
         if i == a.nodes - 1 or i % BLOCK == BLOCK - 1:
             past_block(a, legs, w, i // BLOCK * BLOCK, past)
-        before_legs(a, legs, w, i, 0.0, 0.0, past, by, left)
+        before_legs(a, legs, w, i, past, by, left)
         rest, last = a.nodes - 1 - i, w.arriving[:, -1]
         for s in range(size):
             e = int(np.searchsorted(a.leg_base, s, side="right")) - 1
@@ -349,7 +349,7 @@ def test_every_count_of_tracks_is_worked_out(count: int) -> None:
     document = problem_document(places=places, observations=rows, time_s=90000.0, energy_j=1e9, loss=0.0)
     model = Model.of(problem_from_dict(document))
     every = Memory.of([range(count)] * (count + 1))
-    relaxation = NgRelaxation(model, Actions.of(model, Weights.of(model, 1.0), 16, 15), every)
+    relaxation = NgRelaxation(model, Actions.of(model, Weights.of(model, 1.0), 64, 15), every)
     assert relaxation.bound(np.zeros(count)) == pytest.approx(float(relaxation.wanted.worth.sum()), rel=1e-3)
     assert _best_count(relaxation) == count
     assert (relaxation.begun[count].state, relaxation.begun[count].lane) == (0, count)

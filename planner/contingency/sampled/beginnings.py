@@ -1,0 +1,33 @@
+"""The best of many main lines, each polished on few futures, for branches to be grown from.
+
+What a line earns before it is polished tells little of what it comes to; after that it tells much: of 30
+lines on 30 targets of seed 2539421 those that earned 104.7 to 107.1 came to 113.1 to 113.9 with four
+branches, those that earned 100 to 102.6 to 105.4 to 108.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from planner.contingency.sampled.futures import Growth, Sampler
+from planner.contingency.sampled.polish import Polisher
+from planner.evaluate.model import Model
+from planner.plan_tree import Plan
+
+SCANNED, FITTED = 256, 4096
+"""Futures on which lines are polished, a quarter of those for branches. By hand."""
+
+
+def best_beginnings(
+    model: Model, plans: Iterable[Plan], limits: Growth, over: Callable[[], bool]
+) -> list[Plan]:
+    """Return different plans polished, the best first, as many as there was time for; at least one."""
+    sampler = Sampler(model, limits, lambda: False, scanned=SCANNED, fitted=FITTED)
+    polisher = Polisher(sampler)
+    found: dict[Plan, float] = {}
+    for plan in plans:
+        if found and over():
+            break
+        line = polisher.polished(sampler.line(plan), thoroughly=True)
+        found[line.plan] = line.value
+    return sorted(found, key=lambda plan: -found[plan])
