@@ -111,10 +111,13 @@ def test_a_line_of_sight_from_the_side_meets_a_deep_surface_beside_the_target() 
     told, ray = answer(0.5)
     straight, aside = (shown(told, kept(told.position, ray, turn, 0.004), pair()) for turn in (0.0, 0.7))
     assert aside.deep_m == straight.deep_m
-    assert aside.across_m == pytest.approx(math.hypot(straight.across_m, beside_m(aside.deep_m, 0.7)))
+    # what the pair ranges wrongly is met there too
+    noise_m = range_error_m(pair().view, AWAY_M)
+    deep_m = math.hypot(aside.deep_m, noise_m)
+    assert aside.across_m == pytest.approx(math.hypot(straight.across_m, beside_m(deep_m, 0.7)))
     assert beside_m(0.02, math.pi / 2.0) == pytest.approx(ASIDE * 0.02)
     flat = shown(told, kept(told.position, ray, 0.7, 0.004), pair(0.0))
-    assert flat.across_m == pytest.approx(straight.across_m)
+    assert flat.across_m == pytest.approx(math.hypot(straight.across_m, beside_m(noise_m, 0.7)), rel=1e-3)
     assert straight.same_spot(aside)
 
 
@@ -147,7 +150,8 @@ def test_a_crest_of_the_kept_picture_is_one_though_the_new_pair_sees_a_plain_fac
     assert open_along_m(side, CAMERA, MIDDLE, told.position, 0.004) == pytest.approx(along_m, abs=2e-5)
     flat, one = (Shown.of(told, kept(told.position, ray, turn, 0.004), side, CAMERA) for turn in (0.0, aside))
     assert flat.across_m == pytest.approx(math.hypot(0.1 * AWAY_M / CAMERA.hs, 0.004))
-    assert one.across_m == pytest.approx(math.hypot(flat.across_m, along_m * math.sin(aside)), rel=1e-3)
+    met_m = max(along_m * math.sin(aside), beside_m(noise_m, aside))
+    assert one.across_m == pytest.approx(math.hypot(flat.across_m, met_m), rel=1e-3)
 
 
 @pytest.mark.parametrize(("before_m", "off_px", "edge"), [
