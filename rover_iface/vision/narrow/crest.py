@@ -75,8 +75,8 @@ class Shown:
         turned_rad = kept.turned_rad(camera.C, answer.position)
         along_m = open_along_m(side, standing, kept.pixel, answer.position, kept.sigma_m)
         # A surface that is ranged too far is met too far as well: of 32 pairs tied from over 3.4 m on 20 days
-        # (some looked at) the kept lines of sight met it off by 1.2 deviations without that (root mean square),
-        # 4.0 at most, by 0.9 and 2.7 with it.
+        # (some looked at) the kept lines of sight met it off by 1.2 deviations without that (root mean
+        # square), 4.0 at most, by 0.9 and 2.7 with it.
         ranged_m = math.hypot(deep_m, range_error_m(side.view, away))
         aside_m = max(beside_m(ranged_m, turned_rad), along_m * math.sin(turned_rad))
         return cls(answer, camera.C, math.hypot(sigma_m, aside_m), deep_m)
