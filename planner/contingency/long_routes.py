@@ -45,9 +45,9 @@ VARIED_SHARES = (1.0, 0.92, 0.85, 0.75)
 """Shares of the budgets for those, in turn. By hand: the best lines of two days of 15 targets had 0.85 and
 0.92."""
 
-BEGUN_SHARE, GUIDED_KEPT = 0.35, (3, 2, 1)
-"""Share of the time in which lines that a relaxation leads to are polished, and how many of them get a first,
-a second option and so on. By hand: at 30 targets a line's first option takes 3 s of 60."""
+BEGUN_SHARE, GUIDED_KEPT = 0.3, (3, 2, 2, 1)
+"""Share of the time in which lines that a relaxation leads to are polished, and how many of them get a first, a
+second option and so on. By hand: at 30 targets a line's first option takes 3 s of 60."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +107,8 @@ def plan_long(
     if guide_s > 0.0 and limits.lines and not len(model.sols.chance):
         model, lines = _guided(problem, model, start, guide_s, limits, should_stop)
         until = used() + BEGUN_SHARE * max(0.0, 1.0 - used())
-        beginnings = iter(best_beginnings(model, lines, limits, lambda: should_stop() or used() > until))
+        over = lambda: should_stop() or used() > until
+        beginnings = iter(best_beginnings(model, lines, limits, over))
         used, kept = _from_now_on(used), GUIDED_KEPT
     else:
         varied = varied_routes(problem, limits.lines, seed=limits.seed, should_stop=should_stop)
@@ -154,7 +155,7 @@ def _guided(
         varied_routes(part, limits.lines, seed=limits.seed, should_stop=should_stop),
     )
     in_turn = (route.plan for pair in zip_longest(followed, routes) for route in pair if route is not None)
-    return Model.of(only(problem, names)), chain([start], in_turn)
+    return model, chain([start], in_turn)
 
 
 def _from_now_on(used: Callable[[], float]) -> Callable[[], float]:

@@ -12,7 +12,8 @@ from collections.abc import Callable, Iterable
 from planner.contingency.sampled.futures import Growth, Sampler
 from planner.contingency.sampled.polish import Polisher
 from planner.evaluate.model import Model
-from planner.plan_tree import Plan
+from planner.plan_tree import Navigate, Plan
+from planner.problem import TargetId
 
 SCANNED, FITTED = 256, 4096
 """Futures on which lines are polished, a quarter of those for branches. By hand."""
@@ -21,13 +22,17 @@ SCANNED, FITTED = 256, 4096
 def best_beginnings(
     model: Model, plans: Iterable[Plan], limits: Growth, over: Callable[[], bool]
 ) -> list[Plan]:
-    """Return different plans polished, the best first, as many as there was time for; at least one."""
+    """Return plans polished that drive differently, the best first, as many as there was time for; at least
+    one.
+    """
     sampler = Sampler(model, limits, lambda: False, scanned=SCANNED, fitted=FITTED)
     polisher = Polisher(sampler)
-    found: dict[Plan, float] = {}
+    found: dict[tuple[TargetId, ...], tuple[float, Plan]] = {}
     for plan in plans:
         if found and over():
             break
         line = polisher.polished(sampler.line(plan), thoroughly=True)
-        found[line.plan] = line.value
-    return sorted(found, key=lambda plan: -found[plan])
+        drives = tuple(step.to for step in line.plan if isinstance(step, Navigate))
+        if drives not in found or line.value > found[drives][0]:
+            found[drives] = line.value, line.plan
+    return [plan for _, plan in sorted(found.values(), key=lambda pair: -pair[0])]

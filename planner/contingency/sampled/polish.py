@@ -18,6 +18,10 @@ from planner.plan_tree import Branch, Navigate, Observe, OnFail, Option, Path, P
 SWEEPS = 10
 """Passes over a plan; most end earlier, when one wins nothing. By hand: each makes one change."""
 
+THOROUGH = 3
+"""How many times more passes there are where visits are changed too: lines are begun with ten observations
+that end with twenty. By hand."""
+
 SHORTLIST = 10
 """Changes that are tried on many futures in each sweep."""
 
@@ -34,25 +38,34 @@ class Polisher:
     def polished(self, line: Line, *, thoroughly: bool = False) -> Line:
         """Return the plan after the changes that win for sure, the best of each sweep at a time.
 
-        Visits are exchanged, moved and turned round only where it is to be polished `thoroughly`.
+        Visits are exchanged, moved and turned round only where it is to be polished `thoroughly`, and as long
+        as nothing else wins: these are most of the changes.
         """
-        for _ in range(SWEEPS):
-            base = line.futures.utility[: self.sampler.scanned]
-            ideas: list[tuple[float, int, Change]] = []
-            for k, change in enumerate(self.changes(line, thoroughly=thoroughly)):
-                if self.sampler.over():
-                    return line
-                gain = float((self.sampler.utility(line, change, self.sampler.scanned) - base).mean())
-                if gain > 0.0:
-                    ideas.append((-gain, k, change))
-            better = self.sampler.best_sure(line, [change for _, _, change in sorted(ideas)[:SHORTLIST]])
-            if better is None:
+        of_visits = False
+        for _ in range(SWEEPS * (THOROUGH if thoroughly else 1)):
+            better = self._best(line, self.changes_of_visits(line) if of_visits else self.changes(line))
+            if better is not None:
+                line = self.sampler.line(line.changed(better))
+            elif of_visits or not thoroughly or self.sampler.over():
                 break
-            line = self.sampler.line(line.changed(better))
+            of_visits = better is None
         return line
 
-    def changes(self, line: Line, *, thoroughly: bool = False) -> Iterator[Change]:
-        """Yield conditions fitted anew, observations taken out and put in, and visits changed."""
+    def _best(self, line: Line, changes: Iterator[Change]) -> Change | None:
+        """Return the change that wins most for sure, of those that win in the fewest futures."""
+        few = self.sampler.scanned
+        base = line.futures.utility[:few]
+        ideas: list[tuple[float, int, Change]] = []
+        for k, change in enumerate(changes):
+            if self.sampler.over():
+                return None
+            gain = float((self.sampler.utility(line, change, few) - base).mean())
+            if gain > 0.0:
+                ideas.append((-gain, k, change))
+        return self.sampler.best_sure(line, [change for _, _, change in sorted(ideas)[:SHORTLIST]])
+
+    def changes(self, line: Line) -> Iterator[Change]:
+        """Yield conditions fitted anew, and observations taken out and put in."""
         for path, option in options_of(line.plan):
             refitted = self._refitted(line, path, option)
             if refitted is not None:
@@ -62,8 +75,10 @@ class Polisher:
                 if isinstance(step, Observe):
                     yield Change((*owner, k - _alone(steps, k)), steps[k + 1 :])
             yield from self._insertions(line.plan, owner, steps)
-            if not thoroughly:
-                continue
+
+    def changes_of_visits(self, line: Line) -> Iterator[Change]:
+        """Yield visits given up for others, moved and turned round."""
+        for owner, steps in lists_of(line.plan):
             yield from self._exchanges(line.plan, owner, steps)
             for k, rest in reordered(steps):
                 if self._drivable(line.plan, (*owner, k), rest):

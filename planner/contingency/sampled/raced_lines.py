@@ -86,7 +86,7 @@ def raced(
     """Return the best plans with at most 0, 1, 2, ... branches of several lines; none without a beginning.
 
     All are grown on the futures that they share (`limits.seed`), so many lines to each number of branches as
-    `kept` says (further ones as its last). With `tries` options are then taken out of the best plan and grown
+    `kept` says (further ones as its last); one more is begun. With `tries` options are then taken out of the best plan and grown
     again on other futures, every second time with two targets in each other's place; what wins is kept. With
     `promises` one of them is grown in between, to some options more than allowed, of which those that win
     least are then taken out. At last the best is grown further on more futures, which tell what wins little;
@@ -96,7 +96,7 @@ def raced(
     race = _Race(model, limits.seed + AT_RACE * OTHERS, kept, used, told)
     sampler, endings = Sampler(model, limits, should_stop), Endings(model)
     for plan in beginnings:
-        if race.lines and (sampler.over() or used() > BEGUN_BY):
+        if race.lines and (sampler.over() or used() > BEGUN_BY or len(race.lines) > kept[0]):
             break
         race.enter(Growing(sampler, endings, plan, race.see, least=TOLERANCE))
     going = race.lines
