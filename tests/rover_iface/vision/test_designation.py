@@ -35,7 +35,8 @@ def test_a_target_at_an_edge_is_moved_onto_the_surface_that_is_meant() -> None:
     assert abs(float(truth[y, x]) - sight.known.range_m) < 0.05
 
 
-def test_a_target_on_one_surface_stays_where_it_was_designated() -> None:
+def test_a_target_on_one_surface_stays_where_it_was_designated(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(designation, "BENT_M", math.inf)
     for pixel, true in face()[::4]:
         moved, sight = off_the_edge("A", view("navcam"), pixel, view("pancam"), true)
         assert moved == pytest.approx(pixel)
@@ -102,3 +103,40 @@ def test_a_place_where_the_surface_ends_is_at_an_edge_and_one_with_holes_is_not(
         assert np.mean(before_crest[np.hypot(*off.T) < EDGE_PX]) > 0.55
         assert edge_m(before_crest) == math.inf
     assert edge_m(np.random.default_rng(4).random(len(off)) < 0.7) == 0.0
+
+
+def bent(at_px: float, step_m: float) -> _Ranged:
+    """Return a slanted face with a step in it beside the middle."""
+    rows, columns = np.mgrid[-40:41, -40:41]
+    off = np.stack((columns.ravel(), rows.ravel()), axis=1).astype(float)
+    away = 8.0 + 0.004 * off[:, 0] + step_m * (off[:, 0] > at_px)
+    return _Ranged(np.zeros(2), off, away, 8.0)
+
+
+def test_a_crest_of_a_few_centimetres_bends_what_lies_round_it_and_a_slope_does_not() -> None:
+    """Four tools were claimed and wrong on targets that had begun 2 mm beside one of 3 cm."""
+    assert bent(0.5, 0.0).bent_m(np.zeros(2)) == pytest.approx(0.0, abs=1e-9)
+    crest = bent(0.5, 0.03)
+    assert crest.edge_m(np.zeros(2)) < designation.EDGE_M
+    assert crest.bent_m(np.zeros(2)) > designation.BENT_M
+    assert crest.bent_m(np.array([-9.0, 0.0])) == pytest.approx(0.0, abs=1e-9)
+    few = _Ranged(crest.middle, crest.off[::9], crest.away[::9], 8.0)
+    assert few.bent_m(np.zeros(2)) == math.inf
+
+
+def test_a_target_at_a_crest_begins_on_the_plain_face_beside_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    (pixel, true), seen = face()[0], designation._Ranged.bent_m
+    plain, sight = off_the_edge("A", view("navcam"), pixel, view("pancam"), true)
+    assert sight is not None
+    assert plain == pytest.approx(pixel)
+
+    def crest(self: _Ranged, at: Array) -> float:
+        return 0.02 if np.hypot(*(at + self.middle - sight.pixel)) < reach_px else seen(self, at)
+
+    monkeypatch.setattr(_Ranged, "bent_m", crest)
+    for reach_px in (4.0, 99.0):
+        moved, beside = off_the_edge("A", view("navcam"), pixel, view("pancam"), true)
+        assert beside is not None
+        off_px = float(np.hypot(*(moved - pixel)))
+        # where there is none so near, it stays
+        assert (0.5 < off_px < designation.BESIDE_PX) if reach_px < 10.0 else off_px == 0.0

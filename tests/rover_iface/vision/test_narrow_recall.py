@@ -21,13 +21,19 @@ from rover_iface.vision.correlation import ncc
 from rover_iface.vision.correlation.ncc import FOUND_AGAIN, NccTracker
 from rover_iface.vision.handoff import Handoff
 from rover_iface.vision.handoff_cascade import Answer
-from rover_iface.vision.narrow import crest, recall
+from rover_iface.vision.narrow import crest, designation, recall
 from rover_iface.vision.narrow.recall import LOST_UPDATES, REFUSED, NarrowRecall
 from rover_iface.vision.narrow.references import Kept
 from rover_iface.vision.tracker import StereoView, TrackState, TrackUpdate
 from tests.rover_iface.vision.test_narrow_range import DRIFT, face, frames, view
 
 NEAR_X, MIDWAY_X = -3.2, -5.5
+
+
+@pytest.fixture(autouse=True)
+def _begins_as_designated(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let tracks begin where the rock bends, too: this is about what comes then."""
+    monkeypatch.setattr(designation, "BENT_M", math.inf)
 
 
 def surface(pixel: Array) -> Array:
