@@ -154,8 +154,8 @@ def _searched(model: Model, own: Memory, nodes: int, limit_s: float) -> Multipli
         search.lower(STEPS, AIM, partial(_is_past, stop_s), enough=(LOOKS, ENOUGH))
         each_s *= LARGER
     if few:
-        wider = search = _with_all_tracks(model, search)
-        search.lower(WIDER_STEPS, AIM, lambda: _is_past(until) and wider.least.max() < math.inf)
+        search = _with_all_tracks(model, search)
+        search.lower(WIDER_STEPS - 1, AIM, partial(_is_past, until))
     return search
 
 

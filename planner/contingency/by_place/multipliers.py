@@ -43,10 +43,17 @@ class Multipliers:
         self.often: list[Floats] = []
 
     def with_more_tracks(self, relaxation: NgRelaxation) -> Multipliers:
-        """Return them for a relaxation of days with more tracks: theirs are those of the most tracks."""
-        wider = Multipliers(relaxation, self.credits)
+        """Return them for a relaxation of days with more tracks.
+
+        It is asked at the point of the number with the largest value, for what it says of the new numbers;
+        of the others it says what was said before.
+        """
+        wider, known = Multipliers(relaxation, self.credits), len(self.least)
+        point = self.points[int(self.least.argmax())]
+        wider.least = relaxation.by_count(point)
+        wider.least[:known] = self.least
+        wider.points = [*self.points, *[point] * (len(wider.points) - known)]
         wider.often = self.often
-        wider.points = [self.points[min(k, len(self.points) - 1)] for k in range(len(wider.points))]
         return wider
 
     def lower(
