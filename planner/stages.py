@@ -42,8 +42,8 @@ from planner.strategies import Found, Task
 from planner.strategies.registry import Curve
 
 GUIDED_FROM, GUIDE_SHARE, LEAST_GUIDE_S = 13, 0.08, 4.0
-"""Targets from which on a relaxation is asked which of them matter, its share of the limit, and the least that
-it takes. By hand: at 30 targets of seed 2539421 4 s tell the targets that 17 s tell, 2 s do not."""
+"""Targets from which on a relaxation is asked which of them matter, its share of the limit, and the least
+that it takes. By hand: at 30 targets of seed 2539421 4 s tell the targets that 17 s tell, 2 s do not."""
 
 LONG_SHARE = 0.5
 """Share of the limit that plans grown on sampled futures may use; the rest is mostly the bound's. By hand: of

@@ -46,8 +46,8 @@ VARIED_SHARES = (1.0, 0.92, 0.85, 0.75)
 0.92."""
 
 BEGUN_SHARE, GUIDED_KEPT = 0.3, (3, 2, 2, 1)
-"""Share of the time in which lines that a relaxation leads to are polished, and how many of them get a first, a
-second option and so on. By hand: at 30 targets a line's first option takes 3 s of 60."""
+"""Share of the time in which lines that a relaxation leads to are polished, and how many of them get a first,
+a second option and so on. By hand: at 30 targets a line's first option takes 3 s of 60."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,7 @@ def plan_long(
     tells what share of the time is used up.
 
     With `guide_s` a relaxation is asked for so many seconds, as `planner.tally` reckons them, which targets
-    matter: other routes than the best are among these, and what neither route nor guide knows is left out.
+    matter: lines other than the best route are among these.
     With no branches allowed the best of route and warm plans is the answer, without polishing.
     """
     routes = long_routes(problem, seed=limits.seed, should_stop=should_stop)
@@ -105,10 +105,11 @@ def plan_long(
         return LongPlan(model, [(value, start)])
     kept = KEPT
     if guide_s > 0.0 and limits.lines and not len(model.sols.chance):
-        model, lines = _guided(problem, model, start, guide_s, limits, should_stop)
-        until = used() + BEGUN_SHARE * max(0.0, 1.0 - used())
-        over = lambda: should_stop() or used() > until
-        beginnings = iter(best_beginnings(model, lines, limits, over))
+        lines = _guided(problem, model, start, guide_s, limits, should_stop)
+        polishing = _from_now_on(used)
+        beginnings = iter(
+            best_beginnings(model, lines, limits, lambda: should_stop() or polishing() > BEGUN_SHARE)
+        )
         used, kept = _from_now_on(used), GUIDED_KEPT
     else:
         varied = varied_routes(problem, limits.lines, seed=limits.seed, should_stop=should_stop)
@@ -133,9 +134,9 @@ def _guided(
     guide_s: float,
     limits: Growth,
     should_stop: Callable[[], bool],
-) -> tuple[Model, Iterator[Plan]]:
-    """Return a model of what a plan makes and of what a relaxation says to matter, and the plan with other
-    lines among these: what the relaxation's policies do, and routes on mean values, in turn.
+) -> Iterator[Plan]:
+    """Return a plan and other lines among the targets that a relaxation of a model says to matter: what the
+    relaxation's policies do, and routes on mean values, in turn.
     """
     # Half of all that planning imports, which a first plan and small problems never need.
     from planner.contingency.by_place.promising import promising
@@ -155,7 +156,7 @@ def _guided(
         varied_routes(part, limits.lines, seed=limits.seed, should_stop=should_stop),
     )
     in_turn = (route.plan for pair in zip_longest(followed, routes) for route in pair if route is not None)
-    return model, chain([start], in_turn)
+    return chain([start], in_turn)
 
 
 def _from_now_on(used: Callable[[], float]) -> Callable[[], float]:

@@ -187,14 +187,22 @@ def before_legs(
 
 @njit(cache=True, nogil=True, fastmath=True)
 def quick_arrivals(
-    a: Layout, legs: Drives, w: Tables, i: int, top: float, most: Floats, leads: Ints, peak: Singles, by: Singles
+    a: Layout,
+    legs: Drives,
+    w: Tables,
+    i: int,
+    top: float,
+    most: Floats,
+    leads: Ints,
+    peak: Singles,
+    by: Singles,
 ) -> None:
     """Add to the values before each drive, [leg-states, counts], what arrives at the node where it begins.
 
     The values there are not known yet: after an arrival a place's own observations win no more than `most`
-    [places], in no time, and then another drive begins. `peak` [places, counts] holds the most that drives from
-    each place give at this node or a later one, `top` is more than any value plus penalty, and `leads` [legs]
-    says where legs lead. A value that falls to the next node bends there by no more than it falls.
+    [places], in no time, and then another drive begins. `peak` [places, counts] holds the most that drives
+    from each place give at this node or a later one, `top` is more than any value plus penalty, and `leads`
+    [legs] says where legs lead. A value that falls to the next node bends there by no more than it falls.
     """
     lanes, quick, highest = by.shape[1], 0.0, np.float32(top)
     for e in range(len(a.origin)):

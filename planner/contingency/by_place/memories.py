@@ -5,7 +5,7 @@ between should have kept it (Roberti and Mingozzi 2014 for routes; kept by leg a
 Uchoa 2017 keep their cuts). And while nobody remembers whose tracks are alive, it assumes those that suit it:
 then all legs since the start should have known, or visits on the way, since the multiplier of a track weighs
 more after them (`visited.py`). Each such excursion is credited with what it won, and those with the most
-credit for a leg are remembered as long as the relaxation is not too large.
+credit for what a question takes longer with them are remembered as long as the relaxation is not too large.
 """
 
 from __future__ import annotations
@@ -148,21 +148,23 @@ class _Chosen:
         """Return the memory of the excursions with the most credit for what a question takes more with them,
         as far as the seconds go.
         """
-        queue = [(-math.inf, credits[key], key) for key in sorted(credits) if key[1]]
+        queue = [(-math.inf, credit, key) for key, credit in sorted(credits.items()) if key[1]]
         heapq.heapify(queue)
         while queue:
-            worth, credit, (m, way) = heapq.heappop(queue)
+            _, credit, (m, way) = heapq.heappop(queue)
             legs, places = self._lacking(m, way)
             if not legs or any(len(self.at[p]) >= (MOST_AT if p else MOST_AT_START) for p in places):
                 continue
-            sizes = self._with(legs, places)
-            now = -credit / sum(larger.seconds - size.seconds for (size, _), larger in zip(self.sizes, sizes, strict=True))
-            if queue and now > queue[0][0]:
+            larger = self._with(legs, places)
+            now = -credit / sum(
+                new.seconds - old.seconds for (new, _), (old, _) in zip(larger, self.sizes, strict=True)
+            )
+            if queue and now > queue[0][0]:  # it takes more than when it was put there
                 heapq.heappush(queue, (now, credit, (m, way)))
                 continue
-            if any(size.seconds > most_s or size.bound_mb > self.largest_mb for size, (_, most_s) in zip(sizes, self.sizes, strict=True)):
+            if any(size.seconds > most_s or size.bound_mb > self.largest_mb for size, most_s in larger):
                 continue
-            self.sizes = [(size, most_s) for size, (_, most_s) in zip(sizes, self.sizes, strict=True)]
+            self.sizes = larger
             for p in places:
                 self.at[p].append(m)
             for e in legs:
@@ -175,8 +177,8 @@ class _Chosen:
         legs = [e for e in way if m not in self.on[e]]
         return legs, sorted({p for e in legs for p in self.legs[e] if m not in self.at[p]})
 
-    def _with(self, legs: list[int], places: list[int]) -> list[Size]:
-        """Return the sizes where these keep one observation more."""
+    def _with(self, legs: list[int], places: list[int]) -> list[tuple[Size, float]]:
+        """Return the sizes, with their limits, where these keep one observation more."""
         states = sum(2 ** len(self.at[p]) for p in places)
         ways = sum(2 ** len(self.on[e]) for e in legs)
-        return [size.with_more(states, ways) for size, _ in self.sizes]
+        return [(size.with_more(states, ways), most_s) for size, most_s in self.sizes]

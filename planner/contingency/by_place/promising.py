@@ -1,4 +1,4 @@
-"""What a relaxation tells of a long day before any plan is made: which targets matter, and lines to begin with.
+"""What a relaxation tells of a long day before any plan is made: targets that matter, lines to begin with.
 
 Routes on mean values know nothing of tracks that are lost, nor of branches: on 30 targets of seed 2539421
 (looked at) the best of them was grown to 108.2, and one that follows a policy of the bound to 113.9.

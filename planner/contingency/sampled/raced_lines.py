@@ -86,12 +86,12 @@ def raced(
     """Return the best plans with at most 0, 1, 2, ... branches of several lines; none without a beginning.
 
     All are grown on the futures that they share (`limits.seed`), so many lines to each number of branches as
-    `kept` says (further ones as its last); one more is begun. With `tries` options are then taken out of the best plan and grown
-    again on other futures, every second time with two targets in each other's place; what wins is kept. With
-    `promises` one of them is grown in between, to some options more than allowed, of which those that win
-    least are then taken out. At last the best is grown further on more futures, which tell what wins little;
-    values are of yet other futures. Where time is short the first beginning is grown alone: `used` tells the
-    share of it that is used up. Plans that have branches already are begun with as they are.
+    `kept` says (further ones as its last); one more is begun. With `tries` options are then taken out of the
+    best plan and grown again on other futures, every second time with two targets in each other's place; what
+    wins is kept. With `promises` one of them is grown in between, to some options more than allowed, of which
+    those that win least are then taken out. At last the best is grown further on more futures, which tell
+    what wins little; values are of yet other futures. Where time is short the first beginning is grown alone:
+    `used` tells the share of it that is used up. Plans that have branches already are begun with as they are.
     """
     race = _Race(model, limits.seed + AT_RACE * OTHERS, kept, used, told)
     sampler, endings = Sampler(model, limits, should_stop), Endings(model)

@@ -15,7 +15,7 @@ from planner.contingency.by_place import bound
 from planner.contingency.by_place.bound import ng_bound
 from planner.contingency.by_place.bundle import Bundle
 from planner.contingency.by_place.kernels import BLOCK, before_legs, past_block
-from planner.contingency.by_place.layout import Memory, Wanted, legs_of
+from planner.contingency.by_place.layout import Memory, Size, Wanted, legs_of
 from planner.contingency.by_place.masses_above import fine_cells, later, masses_above
 from planner.contingency.by_place.memories import Credits
 from planner.contingency.by_place.multipliers import Multipliers
@@ -173,6 +173,42 @@ def test_an_expectation_lies_below_the_chords_between_its_nodes() -> None:
         assert within >= cells[: left + 1].sum() - 1e-6, left
 
 
+def test_a_drive_of_less_than_a_node_is_split_between_two_nodes() -> None:
+    """For a value that falls in a straight line, and one that bends where the drive begins."""
+    rng = np.random.default_rng(9)
+    each, steps = 16, 4
+    cells = np.zeros(each * steps + 1)
+    cells[1:each] = rng.uniform(0.0, 1.0, each - 1) ** 4
+    cells /= cells.sum()
+    masses, at = masses_above([cells], 1, steps + 1, drives=True), np.arange(len(cells)) / each
+    assert 0.0 < masses.quick[0] < 1.0
+    assert masses.quick[0] + masses.hat[0].sum() == pytest.approx(1.0, abs=1e-5)
+    assert masses.hat[0] @ np.arange(steps + 1) == pytest.approx(cells @ at, rel=1e-4)
+    quick, kinked = float(masses.quick[0]), float(masses.bulge[0, 0])
+    before, here = kinked, kinked - float(masses.hat[0, 1])  # it falls by one a node from here on
+    assert quick > 0.0
+    for left in np.arange(0.0, 1.0, 1 / each):
+        true = float(cells @ np.minimum(0.0, left - at))
+        assert np.interp(left, (0.0, 1.0), (here, before)) >= true - 1e-6, left
+
+
+def test_targets_close_together_leave_the_bound_close_on_few_nodes() -> None:
+    """Drives of a node and less had been paid for as if each won all: 30 % more on these nodes."""
+    rows = [[observation(f"O{k}", "image", utility=4.0 + k)] for k in range(6)]
+    places = [(0.3 * k, 0.2 * (-1) ** k) for k in range(6)]
+    model = Model.of(
+        problem_from_dict(
+            problem_document(places=places, observations=rows, spread=0.3, time_s=3600.0, energy_j=1e8)
+        )
+    )
+    every = Memory.of([range(6)] * 7)
+    values = [
+        NgRelaxation(model, Actions.of(model, Weights.of(model, 1.0), steps, 0), every).bound(np.zeros(6))
+        for steps in (24, 384)
+    ]
+    assert values[1] <= values[0] <= 1.1 * values[1]
+
+
 @pytest.mark.parametrize("per_j", [0.0, 1.0])
 @pytest.mark.parametrize("spread", [0.0, 0.1, 0.5])
 def test_an_amount_split_between_fine_nodes_stays_below_the_chords(spread: float, per_j: float) -> None:
@@ -302,6 +338,40 @@ def test_memory_grows_where_the_policy_comes_back_and_makes_the_bound_closer() -
         relaxation = larger
     assert relaxation.bound(none) < 0.9 * before
     assert _made_again(relaxation) < 0.5 * again
+
+
+def test_what_wins_most_for_the_time_that_it_takes_is_remembered_first() -> None:
+    """Of two that fit alone, the one at places that remember little: the other one wins half as much more."""
+    model = Model.of(_day())
+    legs = legs_of(model)
+    memory = Memory.of([[], [0], [1], range(1, 6), [3], [4], [5]], {})
+    credits = Credits(model)
+    dear, cheap = (0, (legs.index((1, 3)),)), (1, (legs.index((4, 5)),))
+    credits.add([(1.0, {dear: 1.5, cheap: 1.0})])
+    alone = Credits(model)
+    alone.add([(1.0, {dear: 1.5})])
+    room = Size.of(model, alone.enlarged(memory, [(96, 15, 1e9)]), 15, 96).seconds
+    kept = credits.enlarged(memory, [(96, 15, room)])
+    assert kept.common(4, 5) == [1]
+    assert kept.common(1, 3) == []
+
+
+def test_numbers_of_tracks_that_are_new_begin_with_the_best_multipliers() -> None:
+    model = Model.of(generated("tracking", 8003, spread=0.3))
+    assert int(Wanted.of(model).counted.sum()) > 1
+    own = Memory.of([np.nonzero(Wanted.of(model).place == p)[0].tolist() for p in range(model.n + 1)], {})
+
+    def relaxation(most: int) -> NgRelaxation:
+        actions = Actions.of(model, Weights.of(model, 1.0), 32, most, above=False)
+        return NgRelaxation(model, actions, own, few=most == 1)
+
+    search = Multipliers(relaxation(1), Credits(model))
+    search.lower(6, 0.1, lambda: False)
+    wider = search.with_more_tracks(relaxation(15))
+    best = search.points[int(search.least.argmax())]
+    assert wider.least[:2] == pytest.approx(search.least)
+    assert wider.least[2:] == pytest.approx(relaxation(15).by_count(best)[2:])
+    assert all(np.array_equal(point, best) for point in wider.points[2:])
 
 
 def test_a_lost_track_is_remembered_from_the_start_on() -> None:
