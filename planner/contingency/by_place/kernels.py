@@ -208,7 +208,7 @@ def quick_arrivals(
     for e in range(len(a.origin)):
         p = a.origin[e]
         for c in range(lanes):
-            quick = max(quick, float(legs.quick[e, c]))
+            quick = max(quick, float(legs.quick[e, c] + legs.bulge[e, 0, c]))
         for s in range(a.leg_base[e], a.leg_base[e + 1]):
             for c in range(lanes):
                 peak[p, c] = max(peak[p, c], by[s, c])
