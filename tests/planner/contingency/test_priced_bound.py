@@ -115,7 +115,9 @@ def test_a_relaxation_takes_no_more_memory_than_was_reckoned(nodes: int) -> None
     places = [(4.0 * (k % 4) - 8.0, 6.0 * (k // 4) - 9.0) for k in range(16)]
     document = problem_document(places=places, observations=rows, spread=0.3, time_s=9000.0)
     model = Model.of(problem_from_dict(document))
-    Relaxation(model, Weights.of(model, 1.0), 64, ())  # what is loaded once
+    once = Relaxation(model, Weights.of(model, 1.0), 64, (0, 1))  # compiled code is loaded once
+    once.bound(np.zeros(len(once.wanted)))
+    once.made()
     tracemalloc.start()
     relaxation = Relaxation(model, Weights.of(model, 1.0), nodes, (0, 1))
     relaxation.bound(np.zeros(len(relaxation.wanted)))
